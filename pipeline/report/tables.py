@@ -194,7 +194,7 @@ def rows_of(
         at = fixed | {name: row[name] for name in [*keys, across] if name}
         for name in fractions:
             title = _joined(head, columns[name])
-            line[title] = Traced(row[name], source, name, at) if pd.notna(row[name]) else None
+            line[title] = Traced(float(row[name]), source, name, at) if pd.notna(row[name]) else None
             for part, own in marks[name].items():
                 line[f"{title}, {part}"] = (
                     row[own] < SIGNIFICANT if (part, type(row[own])) == ("bold", float) else row[own]
