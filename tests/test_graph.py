@@ -73,6 +73,7 @@ def test_metrics_are_headlines_and_nothing_else_stays_out_of_the_cache():
         assert len(uncached) in (0, len(stage.get("outs", []))), f"{name}: {uncached}"
 
 
+@pytest.mark.slow
 def test_a_deleted_study_is_gone_without_a_trace_and_a_variant_is_one_file(tmp_path: Path):
     study = STUDIES[0]
     for name in ("pipeline", "studies", "conf", "making"):

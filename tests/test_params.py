@@ -39,6 +39,7 @@ def test_params_yaml_is_what_conf_and_dvc_compose(tmp_path: Path):
     assert text == OmegaConf.to_yaml(composed()) == (tmp_path / "params.yaml").read_text()
 
 
+@pytest.mark.slow
 def test_overrides_are_kept_for_all_that_composes_conf_until_others_are_given(own_conf: Path):
     given = ["profile=smoke", "~variants.ae", "~variants.irl_maxent", "train.steps=9"]
     assert params.main(given) == 0 == params.main(["--check"])

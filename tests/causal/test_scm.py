@@ -72,6 +72,7 @@ def test_sampled_interventions_average_to_the_estimand(scm: SCM):
     assert set_to.expectation("V", noise).mean() == pytest.approx(0.4, abs=0.003)  # without the noise of V
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v", [False, True])
 def test_the_chance_of_change_is_what_brute_force_finds(scm: SCM, v: bool):
     """Keep the draws of N_V under which each unit shows v (abduction), act, and see what V becomes (prediction)."""

@@ -14,7 +14,7 @@ from pipeline.report.derived import DISTANCE_LABELS, NOTHING, by_slice
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_2, DrawnScenes, Results
 from pipeline.stages.report import DECISIONS, HISTORY
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SYMBOLS, LayoutRules, random_layouts
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
 
 DATA = Path("data")
 catalogue_of = cache(read_catalogue)
@@ -51,7 +51,12 @@ def around(table: pd.DataFrame, mean: Any, name: str = "", **ends: float) -> pd.
 
 
 def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARGINS)) -> dict[str, pd.DataFrame]:
-    """Return every table the pages draw from."""
+    """Return every table the pages draw from, made once."""
+    return {name: table.copy() for name, table in _tables(tuple(variants), tuple(users)).items()}
+
+
+@cache
+def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.DataFrame]:
     judged = [user for user in ("careful", "normal") if user in users]
     accuracy = grid(variant=variants, split=SPLITS, n_demos=N_DEMOS)
     raised = 0.02 * (accuracy["split"] == "seen_scenes") - 0.1 * (accuracy["n_demos"] == 1)
@@ -158,16 +163,21 @@ def _shown(variants: Sequence[str]) -> list[str]:
     return [v for v in ("full", "clearance", "irl_ranked") if v in variants] or [variants[0]]
 
 
+@cache
+def _layouts() -> Layouts:
+    catalogue = catalogue_of(DATA)
+    return random_layouts(np.random.default_rng(0), SCENES, catalogue.footprints, catalogue.pool("unseen"), RULES)
+
+
 def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARGINS), **changes) -> Results:
     """Return results of these variants and users, drawn as plain grey with smooth maps; `changes` replace tables."""
     judged, shown = [user for user in ("careful", "normal") if user in users], _shown(variants)
     catalogue, steps = catalogue_of(DATA), np.linspace([1.0, 0.1], [0.5, 0.5], STEPS + 1)
     y, x = np.mgrid[:SIDE, :SIDE] / SIDE
     maps, grey = np.stack([(x + y) / 2] * SCENES), np.full((SCENES, 100, 100, 3), 150, np.uint8)
-    pool = catalogue.pool("unseen")
     drawn = DrawnScenes(
         images=grey,
-        layouts=random_layouts(np.random.default_rng(0), SCENES, catalogue.footprints, pool, RULES),
+        layouts=_layouts(),
         mapped=list(range(SCENES)),
         maps={v: dict.fromkeys(judged, maps) for v in shown},
         truth={u: maps > 0.5 for u in judged},

@@ -11,6 +11,7 @@ from pipeline.runtime.places import CONF, ROOT
 from pipeline.sweep.job import Sweep
 from pipeline.sweep.plan import make_plan
 
+pytestmark = pytest.mark.slow  # composes conf/ for each case
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
 
 
