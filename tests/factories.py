@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import torch
 import yaml
 from omegaconf import DictConfig, OmegaConf
 
@@ -14,15 +15,26 @@ from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demo
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
-from pipeline.models.base import ValidityModel
-from pipeline.models.clearance.clearance import ClearanceModel
+from pipeline.models.base import ValidityModel, untrained
+from pipeline.models.clearance.clearance import ClearanceModel, pack
 from pipeline.models.trained import build
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights
 from pipeline.params import compose
-from pipeline.world.bezier import random_z_theta
+from pipeline.perception.objects import FEATURES
+from pipeline.world.bezier import P_F, P_INIT, random_z_theta
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
+from pipeline.world.layout import (
+    SIDE,
+    SYMBOLS,
+    Items,
+    LayoutRules,
+    Layouts,
+    add_item,
+    point_segment_distance,
+    random_layouts,
+    segment_distance,
+)
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
 
@@ -60,6 +72,28 @@ def vae(seed: int = 0, **shape: object) -> BetaVae:
     model = build({"kind": "vae", "model": shape}, seed)
     assert isinstance(model, BetaVae)
     return model
+
+
+def clearance_model(seed: int = 0, **shape: object) -> ClearanceModel:
+    """An untrained model, of four members if `shape` names no other number."""
+    model = untrained(ClearanceModel, {"members": 4} | shape, seed)
+    assert isinstance(model, ClearanceModel)
+    return model
+
+
+def percept(layouts: Layouts) -> torch.Tensor:
+    """Layouts as the clearance model perceives them, in double precision: the same features for all objects."""
+    features, doubt = np.zeros((*layouts.present.shape, len(FEATURES))), np.zeros(len(layouts))
+    return pack(layouts.ends, layouts.radius, features, layouts.present, doubt)
+
+
+def least_gaps(layouts: Layouts, scene: int) -> tuple[float, float]:
+    """Least distance [m] from footprint to footprint, and from footprint to the ends of the task."""
+    slots = np.flatnonzero(layouts.present[scene])
+    ends, radius = layouts.ends[scene, slots], layouts.radius[scene, slots]
+    apart = segment_distance(ends[:, None], ends) - radius[:, None] - radius
+    away = [point_segment_distance(p, ends[:, 0], ends[:, 1]) - radius for p in (P_INIT, P_F)]
+    return float(apart[~np.eye(len(slots), dtype=bool)].min(initial=np.inf)), float(np.min(away, initial=np.inf))
 
 
 def draw_table(*discs, seed=0, grain=0.02) -> np.ndarray:

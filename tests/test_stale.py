@@ -31,16 +31,12 @@ def first_stale(clone: Path) -> str:
     return found[1] if found else said.strip().splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new"),
-    [("conf/train.yaml", "  steps: 500", "  steps: 501"), ("conf/users/careful.yaml", "0.045", "0.046")],
-)
-def test_an_edit_of_conf_is_named_before_anything_else(clone: Path, file: str, old: str, new: str):
+def test_an_edit_of_conf_is_named_before_anything_else(clone: Path):
     assert first_stale(clone) == UP_TO_DATE
-    path = clone / file
+    path = clone / "conf/users/careful.yaml"
     text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new), encoding="utf-8")
+    assert "0.045" in text
+    path.write_text(text.replace("0.045", "0.046"), encoding="utf-8")
     assert first_stale(clone) == "params"
     path.write_text(text, encoding="utf-8")
 

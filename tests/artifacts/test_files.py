@@ -6,14 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artifacts.files import (
-    atomic_write,
-    read_arrays,
-    read_json,
-    read_table,
-    write_arrays,
-    write_table,
-)
+from pipeline.artifacts.files import atomic_write, read_arrays, read_json, read_table, write_arrays, write_table
 from pipeline.runtime.errors import InputError
 
 

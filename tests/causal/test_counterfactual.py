@@ -6,7 +6,6 @@ import pytest
 from pipeline.causal.counterfactual import (
     NO_SINGLE_CAUSE,
     Removals,
-    Subsets,
     attribute,
     baselines,
     item_subsets,
@@ -14,47 +13,27 @@ from pipeline.causal.counterfactual import (
     select_items,
 )
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
+from pipeline.world.layout import SYMBOLS, random_layouts
 from pipeline.world.rules import clearance, valid
 from tests.factories import ITEMS, RULES
 
 CAREFUL: dict[str, float | None] = {symbol: 0.045 for symbol in SYMBOLS}
 NORMAL: dict[str, float | None] = {symbol: 0.045 if symbol == "glass" else None for symbol in SYMBOLS}
-SCENES, PATHS = 20, 40
+LAYOUTS = random_layouts(np.random.default_rng(0), 20, ITEMS, np.arange(4), RULES)
+Z_THETA = random_z_theta(np.random.default_rng(1), 20, 40)
+SUBSETS = item_subsets(LAYOUTS.present)
 
 
-@pytest.fixture(scope="module")
-def layouts() -> Layouts:
-    return random_layouts(np.random.default_rng(0), SCENES, ITEMS, np.arange(4), RULES)
-
-
-@pytest.fixture(scope="module")
-def z_theta() -> np.ndarray:
-    return random_z_theta(np.random.default_rng(1), SCENES, PATHS)
-
-
-@pytest.fixture(scope="module")
-def subsets(layouts: Layouts) -> Subsets:
-    return item_subsets(layouts.present)
-
-
-def true_removals(layouts: Layouts, z_theta: np.ndarray, subsets: Subsets, margins: dict) -> Removals:
-    left = select_items(layouts[subsets.scene], subsets.kept)
-    return subsets.by_question(valid(left, z_theta[subsets.scene], margins).astype(float))
-
-
-def of_seeds(answer: Removals, seeds: int) -> Removals:
-    parts = (answer.factual, answer.empty, answer.without, answer.alone)
-    return Removals(*(np.repeat(part[None], seeds, axis=0) for part in parts))
+def true_removals(margins: dict) -> Removals:
+    left = select_items(LAYOUTS[SUBSETS.scene], SUBSETS.kept)
+    return SUBSETS.by_question(valid(left, Z_THETA[SUBSETS.scene], margins).astype(float))
 
 
 @pytest.mark.parametrize("margins", [CAREFUL, NORMAL])
-def test_an_item_too_near_is_sufficient_and_the_only_one_is_necessary(
-    layouts: Layouts, z_theta: np.ndarray, subsets: Subsets, margins: dict
-):
-    truth = true_removals(layouts, z_theta, subsets, margins)
+def test_an_item_too_near_is_sufficient_and_the_only_one_is_necessary(margins: dict):
+    truth = true_removals(margins)
     margin = np.array([np.nan if margins[s] is None else margins[s] for s in SYMBOLS] + [np.nan])
-    near = layouts.present[:, None] & (clearance(layouts, z_theta) <= margin[layouts.symbol][:, None])
+    near = LAYOUTS.present[:, None] & (clearance(LAYOUTS, Z_THETA) <= margin[LAYOUTS.symbol][:, None])
     invalid, single = near.any(-1), near.sum(-1) == 1
     np.testing.assert_array_equal(truth.factual == 0, invalid)
     np.testing.assert_array_equal(truth.sufficiency, near.astype(float))
@@ -64,12 +43,11 @@ def test_an_item_too_near_is_sufficient_and_the_only_one_is_necessary(
 
 
 @pytest.mark.parametrize("margins", [CAREFUL, NORMAL])
-def test_models_that_know_the_truth_are_never_wrong(
-    layouts: Layouts, z_theta: np.ndarray, subsets: Subsets, margins: dict
-):
-    truth = true_removals(layouts, z_theta, subsets, margins)
-    chances = baselines(attribute(truth.necessity), layouts.present, clearance(layouts, z_theta))
-    row = score_attributions(of_seeds(truth, 3), truth, chances)
+def test_models_that_know_the_truth_are_never_wrong(margins: dict):
+    truth = true_removals(margins)
+    chances = baselines(attribute(truth.necessity), LAYOUTS.present, clearance(LAYOUTS, Z_THETA))
+    of_seeds = (np.repeat(part[None], 3, axis=0) for part in (truth.factual, truth.empty, truth.without, truth.alone))
+    row = score_attributions(Removals(*of_seeds), truth, chances)
     for name in ("right", "ci_low", "ci_high", "overdetermined_right", "recall"):
         assert row[name] == 1, name
     assert row["rejected"] == (truth.factual == 0).sum() and row["empty_rejected"] == 0

@@ -14,36 +14,25 @@ GRID = dose_grid(STEP, DOSES)
 MARGIN = 0.045
 
 
-def rng(seed: int = 0) -> np.random.Generator:
-    return np.random.default_rng(seed)
-
-
 def steps(margin: float, height: float = 1.0) -> np.ndarray:
     """(2 seeds, 3 scenes, dose): every path nearer than the margin loses `height`."""
     below = np.clip((margin - GRID) / STEP + 0.5, 0, 1)  # share of each interval that lies within the margin
     return np.broadcast_to(height * below, (2, 3, DOSES))
 
 
-def responses(
-    g: np.random.Generator,
-    by_seed: float,
-    by_scene: float,
-    width: float = 0.006,
-    missing: float = 0.3,
-    margin: float | np.ndarray = MARGIN,
-) -> np.ndarray:
+def responses(g: np.random.Generator, by_seed: float, by_scene: float, margin: np.ndarray) -> np.ndarray:
     """(10 seeds, 60 scenes, dose): normal curves [m] around margins that differ by seed and scene, with gaps."""
     dose = GRID + g.uniform(-STEP / 2, STEP / 2, (60, DOSES))
     margin = margin + by_seed * g.normal(size=(10, 1, 1)) + by_scene * g.normal(size=(1, 60, 1))
     height = 0.8 + 0.1 * g.uniform(-1, 1, (10, 1, 1)) + 0.1 * g.uniform(-1, 1, (1, 60, 1))
-    response = height * norm.cdf((margin + 0.003 * g.normal(size=(10, 60, DOSES)) - dose) / width)
-    gone = g.random((60, DOSES)) < missing
+    response = height * norm.cdf((margin + 0.003 * g.normal(size=(10, 60, DOSES)) - dose) / 0.006)
+    gone = g.random((60, DOSES)) < 0.3
     gone[:, 0] = False
     return np.where(gone, np.nan, response)
 
 
-def covers_margin(response: np.ndarray, trained: int | None = None) -> bool:
-    _, low, high = radius(response, GRID, trained)
+def covers_margin(response: np.ndarray) -> bool:
+    _, low, high = radius(response, GRID)
     return low <= MARGIN <= high
 
 
@@ -58,11 +47,11 @@ def test_a_step_of_any_height_is_located_within_a_tenth_of_the_dose_step(margin:
 @pytest.mark.slow
 def test_intervals_over_items_cover_differing_items_and_those_over_scenes_do_not():
     """Six items in sixty scenes; each is seen too wide or too narrow in all of its scenes."""
-    g, item = rng(11), np.arange(60) % 6
+    g, item = np.random.default_rng(11), np.arange(60) % 6
     over_items, over_scenes = [], []
     for i in range(400):
         wider = 0.006 * g.normal(size=6)
-        response = responses(g, 0.002, 0.003, margin=MARGIN + wider[item][:, None])
+        response = responses(g, 0.002, 0.003, MARGIN + wider[item][:, None])
         over_items.append(covers_margin(by_item(response, item)))
         if i < 100:
             over_scenes.append(covers_margin(response))

@@ -6,12 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.causal.identify import (
-    STEP_NATS,
-    critical_surprise,
-    posterior,
-    reject_all_users,
-)
+from pipeline.causal.identify import STEP_NATS, critical_surprise, posterior, reject_all_users
 
 TINY = 1e-9
 

@@ -36,7 +36,9 @@ def serial(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def cluster(tmp_path: Path, repository: Path) -> Iterator[tuple[str, psutil.Process]]:
     """A Ray cluster of two nodes with one core each: its address, and the second node's process."""
-    address = f"127.0.0.1:{free_port()}"
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
     env = environment(repository) | {"RAY_AUTH_MODE": "disabled"}
     start = [RAY, "start", "--block", "--num-cpus=1", "--disable-usage-stats", "--object-store-memory=80000000"]
     head = [*start, "--head", f"--port={address.partition(':')[2]}", "--node-ip-address=127.0.0.1"]
@@ -48,12 +50,6 @@ def cluster(tmp_path: Path, repository: Path) -> Iterator[tuple[str, psutil.Proc
     yield address, nodes[1]
     for node in nodes:
         end(node)
-
-
-def free_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
 
 
 def wait_for(condition, process: psutil.Process, seconds: float = 120) -> None:

@@ -34,6 +34,11 @@ def scenes() -> tuple[Layouts, np.ndarray, np.ndarray]:
     return layouts, render_scenes(layouts, textures, seeds, palette), bare
 
 
+@pytest.fixture(scope="module")
+def detected(scenes: tuple[Layouts, np.ndarray, np.ndarray]) -> Objects:
+    return detect_objects(to_tensor(scenes[1]))
+
+
 def nearest(objects: Objects, layouts: Layouts, scene: int, slot: int) -> int:
     """The object nearest to an item, which must be nearer than its own radius."""
     centres = objects.ends[scene].mean(1)
@@ -43,9 +48,9 @@ def nearest(objects: Objects, layouts: Layouts, scene: int, slot: int) -> int:
 
 
 @pytest.mark.parametrize("with_empty", [False, True])
-def test_nine_in_ten_items_are_found_and_little_is_made_up(scenes, with_empty: bool):
+def test_nine_in_ten_items_are_found_and_little_is_made_up(scenes, detected: Objects, with_empty: bool):
     layouts, images, bare = scenes
-    objects = detect_objects(to_tensor(images), to_tensor(bare) if with_empty else None)
+    objects = detect_objects(to_tensor(images), to_tensor(bare)) if with_empty else detected
     slots = [(scene, slot) for scene in range(SCENES) for slot in np.flatnonzero(layouts.present[scene]).tolist()]
     found = [nearest(objects, layouts, scene, slot) for scene, slot in slots]
     assert np.mean(np.array(found) >= 0) > 0.9
@@ -58,14 +63,13 @@ def test_nine_in_ten_items_are_found_and_little_is_made_up(scenes, with_empty: b
     assert np.median(np.abs(off)) < 0.003  # a third of a pixel
 
 
-def test_glasses_are_more_see_through_than_all_else(scenes):
-    layouts, images, _ = scenes
-    objects, seen = detect_objects(to_tensor(images)), {True: [], False: []}
+def test_glasses_are_more_see_through_than_all_else(scenes, detected: Objects):
+    layouts, seen = scenes[0], {True: [], False: []}
     for scene in range(SCENES):
         for slot in np.flatnonzero(layouts.present[scene]).tolist():
-            if (i := nearest(objects, layouts, scene, slot)) >= 0:
+            if (i := nearest(detected, layouts, scene, slot)) >= 0:
                 is_glass = SYMBOLS[layouts.symbol[scene, slot]] == "glass"
-                seen[is_glass].append(objects.features[scene, i, FEATURES.index("see-through")])
+                seen[is_glass].append(detected.features[scene, i, FEATURES.index("see-through")])
     assert np.median(seen[True]) > np.median(seen[False]) + 2  # log-odds
 
 
@@ -75,12 +79,11 @@ def test_an_empty_table_has_no_objects(scenes, with_empty: bool):
     assert detect_objects(bare, bare if with_empty else None).present.sum() == 0
 
 
-def test_objects_are_the_same_bits_in_any_batch_and_images_may_need_gradients(scenes):
-    images = to_tensor(scenes[1])
-    together, alone = detect_objects(images.requires_grad_()), detect_objects(images[4:5])
+def test_objects_are_the_same_bits_in_any_batch_and_images_may_need_gradients(scenes, detected: Objects):
+    alone = detect_objects(to_tensor(scenes[1])[4:5].requires_grad_())
     for name in ("ends", "radius", "features", "present"):
-        np.testing.assert_array_equal(getattr(together, name)[4:5], getattr(alone, name))
-    assert together.present.shape == (SCENES, MAX_OBJECTS) and torch.is_grad_enabled()
+        np.testing.assert_array_equal(getattr(detected, name)[4:5], getattr(alone, name))
+    assert detected.present.shape == (SCENES, MAX_OBJECTS) and torch.is_grad_enabled()
 
 
 def disc(x: float, y: float, radius: float) -> np.ndarray:

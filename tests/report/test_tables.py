@@ -16,6 +16,7 @@ from pipeline.runtime.places import ROOT
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import random_layouts
 from pipeline.world.rules import clearance, slack
+from tests.factories import RULES
 from tests.report import factory
 
 TABLE = factory.grid(variant=["full", "clearance"], split=["new", "old"]).assign(
@@ -88,7 +89,7 @@ def test_formats_round_and_use_a_true_minus():
 
 def test_a_path_is_described_by_its_slack_and_its_scene():
     rng, margins, catalogue = np.random.default_rng(3), factory.MARGINS["normal"], factory.catalogue_of(factory.DATA)
-    layouts = random_layouts(rng, 6, catalogue.footprints, catalogue.pool("unseen"), factory.RULES)
+    layouts = random_layouts(rng, 6, catalogue.footprints, catalogue.pool("unseen"), RULES)
     z_theta = random_z_theta(rng, 6, 40)
     rows = describe(layouts, z_theta, margins, ["oak"] * 6)
     slacks = slack(layouts, clearance(layouts, z_theta), margins).ravel()

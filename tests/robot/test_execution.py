@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from rosbags.rosbag2 import Reader  # pyright: ignore[reportMissingImports]
 
 from pipeline.robot.arm import Arm, Bench, Collisions
-from pipeline.robot.execution import KIND, TYPES, execute, lengths, minimum_jerk, write_bag
+from pipeline.robot.execution import KIND, TYPES, Motion, execute, lengths, minimum_jerk, write_bag
 from pipeline.robot.inverse import COLLISION, PostureMap, posture_map
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
 from tests.robot.conftest import TALLEST_M
@@ -17,8 +18,12 @@ ERROR_M, TILT_RAD = 0.002, 0.02
 Z_THETA = random_z_theta(np.random.default_rng(1), 8)
 
 
-def test_executed_paths_keep_limits_and_stay_on_the_path(pr2: Arm, bench: Bench, postures: PostureMap):
-    motion = execute(pr2, bench, postures, Z_THETA, 64, 0.35, ERROR_M, TILT_RAD)
+@pytest.fixture(scope="module")
+def motion(pr2: Arm, bench: Bench, postures: PostureMap) -> Motion:
+    return execute(pr2, bench, postures, Z_THETA, 64, 0.35, ERROR_M, TILT_RAD)
+
+
+def test_executed_paths_keep_limits_and_stay_on_the_path(pr2: Arm, bench: Bench, motion: Motion):
     assert set(motion.results["failure"]) == {""}
     assert motion.results["error_mean_m"].mean() < 1e-3 and motion.results["error_max_m"].max() < ERROR_M
     assert (motion.q >= pr2.model.lowerPositionLimit).all() and (motion.q <= pr2.model.upperPositionLimit).all()
@@ -29,11 +34,10 @@ def test_executed_paths_keep_limits_and_stay_on_the_path(pr2: Arm, bench: Bench,
     assert not any(collisions.at(q) for q in motion.q[:, ::9].reshape(-1, 7))
 
 
-def test_a_movement_that_is_too_fast_fails_by_joint_speed(pr2: Arm, bench: Bench, postures: PostureMap):
+def test_a_movement_that_is_too_fast_fails_by_joint_speed(pr2: Arm, bench: Bench, postures: PostureMap, motion: Motion):
     fast = execute(pr2, bench, postures, Z_THETA, 64, 3.5, ERROR_M, TILT_RAD).results
     assert set(fast["failure"]) == {"joint speed"}
-    slow = execute(pr2, bench, postures, Z_THETA, 64, 0.35, ERROR_M, TILT_RAD).results
-    np.testing.assert_allclose(fast["speed_share"], 10 * slow["speed_share"])
+    np.testing.assert_allclose(fast["speed_share"], 10 * motion.results["speed_share"])
 
 
 def test_what_is_in_the_arm_s_way_collides(pr2: Arm, bench: Bench):

@@ -24,11 +24,7 @@ def test_a_square_root_is_right_to_rounding_and_has_the_right_gradient():
 def test_no_stage_asks_torch_for_a_square_root():
     found = []
     for path in [*ROOT.glob("pipeline/**/*.py"), *ROOT.glob("studies/**/*.py")]:
-        for node in ast.walk(ast.parse(path.read_text())):
-            if (
-                isinstance(node, ast.Attribute)
-                and node.attr in ("sqrt", "sqrt_")
-                and ast.unparse(node.value) not in EXACT
-            ):
-                found.append(f"{path.relative_to(ROOT)}:{node.lineno}")
+        called = (x for x in ast.walk(ast.parse(path.read_text())) if isinstance(x, ast.Attribute))
+        roots = (x for x in called if x.attr in ("sqrt", "sqrt_") and ast.unparse(x.value) not in EXACT)
+        found += [f"{path.relative_to(ROOT)}:{x.lineno}" for x in roots]
     assert not found, "torch's sqrt differs between makes of processor: use pipeline.runtime.roots.square_root"

@@ -33,7 +33,9 @@ def run(clone: Path, *command: str) -> str:
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    """The contents of files, without recordings, which hold the time at which they were written."""
+    found = (path for path in folder.rglob("*") if path.is_file() and path.suffix != ".rrd")
+    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
 def numbers(value: object) -> int:
@@ -94,17 +96,13 @@ def test_metrics_are_a_screenful(clone: Path):
 
 
 def test_two_workers_in_a_folder_of_another_name_write_the_same_bytes(clone: Path, tmp_path: Path):
-    """Recordings hold the time at which they were written: their digests, in recordings.csv, are compared."""
+    """Also of recordings.csv, which holds the digests of recordings."""
     other = tmp_path / "a folder of another name"
     shutil.copytree(clone, other, ignore=shutil.ignore_patterns(".git", ".dvc", "outputs", "reports"))
     reproduce(other, ["dvc.yaml"], "profile=smoke", "workers=2")
     for folder in ("outputs", "reports"):
-        first, second = without_recordings(clone / folder), without_recordings(other / folder)
+        first, second = files(clone / folder), files(other / folder)
         assert second and {name: first.get(name) for name in second} == second
-
-
-def without_recordings(folder: Path) -> dict[str, bytes]:
-    return {name: content for name, content in files(folder).items() if not name.endswith(".rrd")}
 
 
 def test_a_fresh_clone_of_a_stale_commit_names_the_stale_stage(clone: Path, tmp_path: Path):

@@ -12,12 +12,6 @@ from pipeline.runtime.places import ROOT
 Stage = Callable[[DictConfig, Path], None]
 
 
-def stage_name(main: Stage) -> str:
-    """Return its name in dvc.yaml: "repair" of pipeline.stages.repair, "safety" of studies.safety.stage."""
-    package, _, module = main.__module__.rpartition(".")
-    return package.rpartition(".")[2] if module == "stage" else module
-
-
 @cache
 def all_stages() -> dict[str, dict]:
     """DVC's name of each stage, of the paper or a study, without its file -> its entry, resolved by params.yaml."""
@@ -44,6 +38,7 @@ def listed(cfg: DictConfig, stage: str) -> DictConfig:
 
 
 def run_as_listed(main: Stage, cfg: DictConfig, out: Path) -> Path:
-    """Run the stage; it fails if it reads a parameter that dvc.yaml does not list for it."""
-    main(listed(cfg, stage_name(main)), out)
+    """Run pipeline.stages.<name> or studies.<name>.stage; it fails if it reads what dvc.yaml does not list for it."""
+    package, _, module = main.__module__.rpartition(".")
+    main(listed(cfg, package.rpartition(".")[2] if module == "stage" else module), out)
     return out

@@ -7,12 +7,13 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table
-from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.scenes import read_interventions, read_scenes
 from pipeline.models.trained import load_model
 from pipeline.stages.intervene import main  # noqa: F401  # of the fixture `out`
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.render import Palette, render_scenes
+from pipeline.world.rules import valid
 from tests.factories import models_in_rendered_scenes
 
 pytestmark = pytest.mark.slow
@@ -27,36 +28,39 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     return models_in_rendered_scenes(tmp_path_factory.mktemp("intervene"), ["full"], SCENES, *settings)
 
 
-def test_a_models_answer_is_its_mean_probability_before_and_after(cfg: DictConfig, out: Path):
-    """The same numbers without a causal model: predictions on the images that the stage wrote."""
-    arrays, scenes = read_arrays(out / "images.npz"), read_scenes(Path(cfg.paths.scenes))
-    palette, user, seed = Palette(read_catalogue(Path(cfg.paths.data))), "normal", cfg.protocol.seeds[1]
-    onyx = render_scenes(scenes.layouts["new_items"], ["onyx"] * SCENES, range(SCENES), palette)
+def test_answers_of_model_and_world_are_their_means_before_and_after(cfg: DictConfig, out: Path):
+    """The same numbers without a causal model: by predictions on the images that the stage wrote, and by the rules."""
+    scenes, palette = read_scenes(Path(cfg.paths.scenes)), Palette(read_catalogue(Path(cfg.paths.data)))
+    layouts, z_theta = scenes.layouts["new_items"], read_arrays(out / "images.npz")["z_theta"]
+    added, onyx = read_interventions(out, layouts), render_scenes(layouts, ["onyx"] * SCENES, range(SCENES), palette)
+    user, seed = "careful", cfg.protocol.seeds[1]
+    after = {f"add_{name}": (added.images[i], added.layouts[i]) for i, name in enumerate(SYMBOLS)}
+    after["table_top_onyx"] = onyx, layouts
     effects = read_table(out / "effects.parquet").query(f"user == '{user}' and seed == {seed}")
     model = load_model(cfg, "full", user, seed, cfg.main_n_demos)
-    for question, image in {"add_cutlery": arrays["images"][2, 0], "table_top_onyx": onyx}.items():
+    before = valid(layouts, z_theta, cfg.users[user]).mean(-1)
+    for question, (image, changed) in after.items():
         rows = effects[effects["question"] == question].sort_values("scene")[:SCENES]
-        for column, seen in (("baseline", scenes.images["new_items"]), ("intervened", image)):
-            p = model.probability(seen, arrays["z_theta"]).mean(-1)
-            np.testing.assert_allclose(rows[column], p, atol=1e-6)
+        for column, pictures in (("baseline", scenes.images["new_items"]), ("intervened", image)):
+            np.testing.assert_allclose(rows[column], model.probability(pictures, z_theta).mean(-1), atol=1e-6)
+        truth = valid(changed, z_theta, cfg.users[user]).mean(-1) - before
+        np.testing.assert_allclose(rows["true_effect"], truth, atol=1e-6)
 
 
 def test_one_unseen_item_of_the_symbol_is_added_and_nothing_else_changes(cfg: DictConfig, out: Path):
-    scenes, added = read_scenes(Path(cfg.paths.scenes)), read_table(out / "layouts.parquet")
-    unseen = read_catalogue(Path(cfg.paths.data)).pool("unseen")
+    scenes, unseen = read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data)).pool("unseen")
     before = scenes.layouts["new_items"]
-    for (pool, scene), items in added.groupby(["pool", "scene"]):
-        count = before.present[scene].sum()
-        np.testing.assert_array_equal(items["item"].to_numpy()[:-1], before.item[scene, :count])
-        np.testing.assert_array_equal(items["x_m"].to_numpy()[:-1], before.centre[scene, :count, 0])
-        assert SYMBOLS[items["symbol"].iloc[-1]] == str(pool).split("-")[0]
-        assert items["item"].iloc[-1] in unseen
-    before = read_scenes(Path(cfg.paths.scenes)).images["new_items"]
-    after = read_arrays(out / "images.npz")["images"]
-    assert after.shape == (len(SYMBOLS), 1, SCENES, 100, 100, 3)
-    changed = (after != before).any(-1).mean((-1, -2))  # share of each image's pixels
-    assert (changed > 0).all()
-    assert (changed < 0.15).all()  # the largest plate and its shadow
+    added = read_interventions(out, before)
+    for symbol, (after, alone) in enumerate(zip(added.layouts, added.placed, strict=True)):
+        fresh = after.present & ~before.present
+        assert (fresh.sum(1) == 1).all() and alone.present.all() and np.isin(added.item[symbol], unseen).all()
+        for name in ("item", "symbol", "centre"):
+            now, then = getattr(after, name), getattr(before, name)
+            np.testing.assert_array_equal(now[before.present], then[before.present])
+            np.testing.assert_array_equal(getattr(alone, name)[:, 0], now[fresh])
+        assert (alone.symbol == symbol).all()
+    changed = (added.images != scenes.images["new_items"]).any(-1).mean((-1, -2))  # share of each image's pixels
+    assert (changed > 0).all() and (changed < 0.15).all()  # the largest plate and its shadow
 
 
 def test_the_world_answers_by_its_rules_and_another_user_and_back_again_is_no_change(out: Path):

@@ -3,22 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng as rng
 from scipy.stats import ttest_1samp
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
-from pipeline.stats.crossed import (
-    Estimates,
-    by_item,
-    crossed_error,
-    estimate,
-    mean_squares,
-    ratio,
-)
-
-
-def rng(seed: int = 0) -> np.random.Generator:
-    return np.random.default_rng(seed)
+from pipeline.stats.crossed import Estimates, by_item, crossed_error, estimate, mean_squares, ratio
 
 
 def crossed(repeats: int, by_seed: float, by_scene: float, rest: float = 0.1) -> np.ndarray:

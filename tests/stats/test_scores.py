@@ -5,12 +5,7 @@ import pytest
 from sklearn.calibration import calibration_curve
 from sklearn.metrics import accuracy_score, brier_score_loss, roc_auc_score
 
-from pipeline.stats.scores import (
-    accuracy,
-    auroc,
-    brier,
-    reliability,
-)
+from pipeline.stats.scores import accuracy, auroc, brier, reliability
 
 
 def drawn(seed: int, paths: int) -> tuple[np.ndarray, np.ndarray]:
@@ -32,13 +27,3 @@ def test_scores_and_reliability_agree_with_scikit_learn():
     np.testing.assert_allclose(r.confidence, confidence)
     assert r["count"].sum() == 2000
     assert ((r.low <= r.confidence) & (r.confidence <= r.high)).all()
-
-
-SHAPE = (2, 4, 6, 10)  # user, seed, scene, path
-Labels = tuple[np.ndarray, np.ndarray]  # valid (user, scene, path), and the same for each seed
-
-
-@pytest.fixture
-def labels() -> Labels:
-    valid = np.random.default_rng(0).random((SHAPE[0], *SHAPE[2:])) < 0.4
-    return valid, np.broadcast_to(valid[:, None], SHAPE)

@@ -4,15 +4,12 @@ from itertools import product
 
 import numpy as np
 import pytest
+from numpy.random import default_rng as rng
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.weightstats import ttost_paired
 
 from pipeline.stats.crossed import estimate
 from pipeline.stats.tests import holm, paired_wilcoxon, verdict
-
-
-def rng(seed: int = 0) -> np.random.Generator:
-    return np.random.default_rng(seed)
 
 
 @pytest.mark.parametrize("rounded", [False, True], ids=["distinct", "ties and zeros"])

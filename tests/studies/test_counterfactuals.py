@@ -23,12 +23,9 @@ def test_a_glass_moves_off_a_straight_path_by_what_the_margin_lacks():
     np.testing.assert_array_equal(layouts.centre[0, 0], [0.5, 0.52])  # the scene itself stays as it was
 
 
-@pytest.mark.parametrize(
-    ("values", "expected"),
-    [([0.1, 0.3, 0.7], 1.5), ([0.6, 0.1, 0.1], 0.0), ([0.1, 0.2, 0.5], np.nan), ([0.0, 1.0, 0.0], 0.5)],
-)
-def test_a_crossing_is_the_first_one_linear_between_steps(values: list, expected: float):
-    np.testing.assert_allclose(crossing(np.arange(3.0), np.array([values]), 0.5), [expected])
+def test_a_crossing_is_the_first_one_linear_between_steps():
+    values = np.array([[0.1, 0.3, 0.7], [0.6, 0.1, 0.1], [0.1, 0.2, 0.5], [0.0, 1.0, 0.0]])
+    np.testing.assert_allclose(crossing(np.arange(3.0), values, 0.5), [1.5, 0.0, np.nan, 0.5])
 
 
 def test_moves_are_scored_where_a_model_rejects_first_and_accepts_later():

@@ -22,13 +22,8 @@ def picture(*discs: tuple[float, float, float]) -> np.ndarray:
 def objects(*discs: tuple[float, float, float]) -> Objects:
     """Detected discs (x, y, radius) [m]."""
     none = np.zeros((1, MAX_OBJECTS), np.float32)
-    found = Objects(
-        np.zeros((1, MAX_OBJECTS, 2, 2), np.float32),
-        none,
-        np.zeros((1, MAX_OBJECTS, len(FEATURES)), np.float32),
-        none > 0,
-        np.zeros(1, np.float32),
-    )
+    ends, features = (np.zeros((1, MAX_OBJECTS, *shape), np.float32) for shape in ((2, 2), (len(FEATURES),)))
+    found = Objects(ends, none, features, none > 0, np.zeros(1, np.float32))
     for i, (x, y, radius) in enumerate(discs):
         found.ends[0, i], found.radius[0, i], found.present[0, i] = (x, y), radius, True
     return found
@@ -37,12 +32,9 @@ def objects(*discs: tuple[float, float, float]) -> Objects:
 PLATE, GLASS = (0.3, 0.4, 0.08), (0.7, 0.6, 0.04)
 
 
-def test_the_true_discs_match_whatever_their_order():
+def test_true_discs_match_in_any_order_a_missed_item_has_no_overlap_and_an_object_elsewhere_is_made_up():
     found = found_items(objects(GLASS, PLATE), picture(PLATE, GLASS)[None])
     assert found["item"].tolist() == [1, 2] and found["iou"].tolist() == pytest.approx([1, 1], abs=0.1)
-
-
-def test_a_missed_item_has_no_overlap_and_an_object_elsewhere_is_made_up():
     found = found_items(objects(PLATE, (0.1, 0.9, 0.05)), picture(PLATE, GLASS)[None])
     assert found["item"].tolist() == [1, 2, -1] and found["iou"].tolist() == pytest.approx([1, 0, 0], abs=0.1)
     assert found_items(objects(PLATE), picture()[None])["item"].tolist() == [-1]

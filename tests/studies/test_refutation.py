@@ -5,11 +5,11 @@ import pytest
 import statsmodels.api as sm
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.random import default_rng as rng
 
-from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import Items, Layouts, concatenated, point_segment_distance, segment_distance
+from pipeline.world.layout import Items, Layouts, concatenated, segment_distance
 from studies.refutation.stage import GLASS, PLATE, World, association, lay_out
-from tests.factories import RULES
+from tests.factories import RULES, least_gaps
 
 # Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
 ROUND_AND_OVAL = Items(
@@ -18,23 +18,11 @@ ROUND_AND_OVAL = Items(
     np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.054, 0.013, 0.0375]),
 )
 ROUND, OVAL = np.arange(4), np.arange(4, 8)
-WORLD = World(
-    root_seed=0, scenes=2, p_common_cause=0.9, gap_m=[0.015, 0.04], present=0.8, glasses=2, near_m=0.045
-)  # fmt: skip
+WORLD = World(root_seed=0, scenes=2, p_common_cause=0.9, gap_m=[0.015, 0.04], present=0.8, glasses=2, near_m=0.045)
 
 
-def rng(seed: int = 11) -> np.random.Generator:
-    return np.random.default_rng(seed)
-
-
-def drawn(seed: int, scenes: int, pool: np.ndarray = ROUND, p: float = 0.9, world: World = WORLD) -> Layouts:
-    return concatenated([lay_out(each, ROUND_AND_OVAL, pool, RULES, world, p) for each in rng(seed).spawn(scenes)])
-
-
-def gaps(layouts: Layouts, scene: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """The gaps [m] between the footprints of the items of two sets of slots."""
-    ends, radius = layouts.ends[scene], layouts.radius[scene]
-    return segment_distance(ends[first][:, None], ends[second]) - radius[first][:, None] - radius[second]
+def drawn(seed: int, scenes: int, pool: np.ndarray, p: float = 0.9) -> Layouts:
+    return concatenated([lay_out(each, ROUND_AND_OVAL, pool, RULES, WORLD, p) for each in rng(seed).spawn(scenes)])
 
 
 @pytest.mark.slow
@@ -44,15 +32,11 @@ def gaps(layouts: Layouts, scene: int, first: np.ndarray, second: np.ndarray) ->
 def test_footprints_in_the_confounded_world_keep_the_clearances(pool, seed):
     layouts = drawn(seed, 4, pool)
     for scene in range(len(layouts)):
-        slots = np.flatnonzero(layouts.present[scene])
-        apart = gaps(layouts, scene, slots, slots)[~np.eye(len(slots), dtype=bool)]
-        assert apart.size == 0 or apart.min() >= RULES.clear_of_items - 1e-5
-        for p in (P_INIT, P_F):
-            a, b = layouts.ends[scene, slots, 0], layouts.ends[scene, slots, 1]
-            assert (point_segment_distance(p, a, b) - layouts.radius[scene, slots] >= RULES.clear_of_ends).all()
-        centre = layouts.centre[scene, slots]
-        assert ((centre >= RULES.centre_low) & (centre <= RULES.centre_high)).all()
-        assert set(layouts.item[scene, slots]) <= set(pool)
+        apart, away = least_gaps(layouts, scene)
+        assert apart >= RULES.clear_of_items - 1e-5 and away >= RULES.clear_of_ends
+    centre = layouts.centre[layouts.present]
+    assert ((centre >= RULES.centre_low) & (centre <= RULES.centre_high)).all()
+    assert set(layouts.item[layouts.present]) <= set(pool)
 
 
 @pytest.mark.parametrize("pool", [ROUND, OVAL])
@@ -61,13 +45,14 @@ def test_with_a_common_cause_every_glass_stands_beside_a_plate(pool):
     for scene in range(len(layouts)):
         plates, glasses = (np.flatnonzero(layouts.symbol[scene] == s) for s in (PLATE, GLASS))
         assert (len(plates), len(glasses)) in ((0, 0), (1, WORLD.glasses))
-        apart = gaps(layouts, scene, plates, glasses)
+        ends, radius = layouts.ends[scene], layouts.radius[scene]
+        apart = segment_distance(ends[plates][:, None], ends[glasses]) - radius[plates][:, None] - radius[glasses]
         assert ((apart >= low - 1e-5) & (apart <= high + 1e-5)).all()
 
 
 def test_the_interval_is_that_of_least_squares_with_errors_clustered_by_scene():
-    scene, path = rng().normal(size=(200, 1)), rng().normal(size=(200, 9))
-    near = rng().normal(size=(200, 9)) + scene > 0.5
+    scene, path = rng(11).normal(size=(200, 1)), rng(11).normal(size=(200, 9))
+    near = rng(11).normal(size=(200, 9)) + scene > 0.5
     invalid = path + scene + near > 1
     row = association(invalid, near)
     fit = sm.OLS(invalid.ravel().astype(float), sm.add_constant(near.ravel().astype(float))).fit()
@@ -78,7 +63,7 @@ def test_the_interval_is_that_of_least_squares_with_errors_clustered_by_scene():
 
 def test_a_common_cause_associates_what_has_no_effect():
     """Glass g makes a path invalid; plate p only comes with it: adjusted for g, p says nothing."""
-    g, alone, bound, bad = rng().uniform(size=(4, 400, 9)) < np.array([0.4, 0.4, 0.9, 0.8])[:, None, None]
+    g, alone, bound, bad = rng(11).uniform(size=(4, 400, 9)) < np.array([0.4, 0.4, 0.9, 0.8])[:, None, None]
     p, invalid = np.where(bound, g, alone), g & bad
     assert association(invalid, p)["ci_low"] > 0.5
     adjusted = association(invalid[g].reshape(-1, 1), p[g].reshape(-1, 1))

@@ -28,11 +28,6 @@ def recording(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def text(path: Path, entity: str) -> str:
-    ((words,),) = read(path, entity, "TextDocument:text")
-    return words
-
-
 def test_maps_are_the_models_and_the_truth_s_with_the_largest_y_on_top(run: Run, recording: Path) -> None:
     for shown in run.repairs:
         scene, accepted = f"scene_{shown.scene:03d}", shown.predicted > 0.5
@@ -68,7 +63,7 @@ def test_the_text_counts_the_ends_that_are_marked_valid_or_not(run: Run, recordi
     crosses = sum(len(x) for entity in entities for x in read(recording, f"{entity}/invalid", "LineStrips2D:strips"))
     assert discs == sum(shown.ends_valid.sum() for shown in run.repairs) and crosses > 0
     accepted = sum(((shown.p[:, -1] > 0.5) & ~shown.ends_valid).sum() for shown in run.repairs)
-    words = text(recording, "text/repairs")
+    ((words,),) = read(recording, "text/repairs", "TextDocument:text")
     assert f"**{discs} of {discs + crosses}** repairs" in words and f"accepts {accepted} that do not" in words
 
 

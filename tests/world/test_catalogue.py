@@ -10,7 +10,6 @@ import pytest
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.images import read_image, write_png
 
 DATA = Path("data")
 
@@ -33,18 +32,14 @@ def spoil(data: Path, column: str, value: object, row: int = 0) -> None:
     table.to_csv(data / "items.csv", index=False)
 
 
-def off_the_footprint(row, cutout: np.ndarray) -> np.ndarray:
-    """Signed distance [m] of each pixel of a cutout from the capsule that the rules know, negative inside."""
-    axis = ((np.arange(len(cutout)) + 0.5) / len(cutout) - 0.5) * row.width_m
-    x, y = np.meshgrid(axis, axis)
-    return np.hypot(np.maximum(np.abs(x) - row.half_length_m, 0), y) - row.radius_m
-
-
 def test_the_table_shows_through_glasses_alone(catalogue):
     for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
         alpha = cutout[..., 3] / 255
         if row.symbol == "glass":
-            inside = off_the_footprint(row, cutout) < -0.15 * row.radius_m
+            axis = ((np.arange(len(cutout)) + 0.5) / len(cutout) - 0.5) * row.width_m
+            x, y = np.meshgrid(axis, axis)
+            off_the_capsule = np.hypot(np.maximum(np.abs(x) - row.half_length_m, 0), y) - row.radius_m
+            inside = off_the_capsule < -0.15 * row.radius_m
             assert np.median(alpha[inside]) < 0.4, row.name
             assert alpha.max() > 0.5, f"{row.name} has no rim or highlight"
         else:
@@ -85,9 +80,3 @@ def test_a_cutout_that_does_not_fill_its_footprint_is_refused(data, scaled, fact
     table.to_csv(data / "items.csv", index=False)
     with pytest.raises(InputError, match=f"bowl-white.png shows an item .* {direction}, .* footprint"):
         read_catalogue(data)
-
-
-def opaque(path: Path) -> None:
-    rgba = read_image(path)
-    rgba[..., 3] = 255
-    write_png(path, rgba)

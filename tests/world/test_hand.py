@@ -13,13 +13,9 @@ HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
 STEADY = Hand(50.0, 0.0, 0.35, 0.0, 0.0, (8.0, 12.0), 0.0, 0.1, 0.0)
 
 
-def trajectories(count: int, hand: Hand = HAND) -> list[np.ndarray]:
-    rng = np.random.default_rng(3)
-    return [simulate(rng, z, hand) for z in random_z_theta(rng, count)]
-
-
 def test_simulated_trajectories_keep_to_the_ends_vary_in_length_and_are_sampled_at_about_50_hz():
-    made = trajectories(200)
+    rng = np.random.default_rng(3)
+    made = [simulate(rng, z, HAND) for z in random_z_theta(rng, 200)]
     assert all((np.diff(r[:, 0]) > 0).all() for r in made)
     assert all(np.abs(r[[0, -1], 1:3] - [P_INIT, P_F]).max() < 0.01 for r in made)
     assert len({len(r) for r in made}) > 50

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import Items, add_item, point_segment_distance, random_layouts, segment_distance
-from tests.factories import RULES
+from tests.factories import RULES, least_gaps
 
 # Per symbol a training item (0-3) and another one (4-7) that must not be drawn when the pool leaves it out.
 ITEMS = Items(
@@ -23,21 +22,6 @@ seeds = st.integers(0, 2**32 - 1)
 
 def drawn(seed: int, scenes: int = 6):
     return random_layouts(np.random.default_rng(seed), scenes, ITEMS, POOL, RULES)
-
-
-def least_gaps(layouts, scene: int) -> tuple[float, float]:
-    """Least distance from footprint to footprint, and from footprint to the ends of the task [m]."""
-    slots = np.flatnonzero(layouts.present[scene])
-    ends, radius = layouts.ends[scene, slots], layouts.radius[scene, slots]
-    along = np.linspace(0, 1, 60)[:, None]
-    axes = ends[:, None, 0] + along * (ends[:, None, 1] - ends[:, None, 0])  # (slot, point, 2)
-    apart = [
-        np.linalg.norm(axes[i][:, None] - axes[j], axis=-1).min() - radius[i] - radius[j]
-        for i in range(len(slots))
-        for j in range(i)
-    ]
-    away = [np.linalg.norm(axes - p, axis=-1).min(-1) - radius for p in (P_INIT, P_F)]
-    return min(apart), float(np.min(away))
 
 
 @settings(max_examples=8, deadline=None)

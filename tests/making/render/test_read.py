@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-import yaml
 
 from making.render.read import Rendered, read_rendered
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import LayoutRules, point_segment_distance, segment_distance
+from tests.factories import composed
 
 FOLDER = Path("rendered/pictures")
 JUDGED = ("validation_taught", "validation_held_out", "test_taught", "test_held_out")  # splits with added items
@@ -28,12 +28,8 @@ def rendered(folder: Path, request: pytest.FixtureRequest) -> Rendered:
     return read_rendered(folder / request.param)
 
 
-@pytest.fixture(scope="module")
-def rules() -> LayoutRules:
-    return LayoutRules.of(yaml.safe_load(Path("conf/scenes.yaml").read_text())["scenes"]["layout"])
-
-
-def test_items_keep_the_distances_of_the_layout_rules(rendered, rules):
+def test_items_keep_the_distances_of_the_layout_rules(rendered):
+    rules = LayoutRules.of(composed().scenes.layout)
     for layouts in (rendered.layouts, *rendered.layouts_with_item.values()):
         ends, radius, present = layouts.ends, layouts.radius, layouts.present
         centre = layouts.centre[present]

@@ -4,39 +4,22 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.models.base import to_tensor, untrained
-from pipeline.models.clearance.clearance import (
-    ClearanceModel,
-    pack,
-    passes,
-)
-from pipeline.perception.objects import FEATURES
+from pipeline.models.base import to_tensor
+from pipeline.models.clearance.clearance import ClearanceModel, passes
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance as true_clearance
-from tests.factories import RED, WHITE, draw_table
+from tests.factories import RED, WHITE, clearance_model, draw_table, percept
 
 SCHEDULE = Schedule(steps=400, rate=0.03, weight_decay=0.0, curve_every=50)
 MARGIN = 0.04  # metres
-
-
-def model(seed=0, members=4) -> ClearanceModel:
-    built = untrained(ClearanceModel, {"members": members}, seed)
-    assert isinstance(built, ClearanceModel)
-    return built
 
 
 def fit_one(m: ClearanceModel, images, z, valid, seed=0, checkpoints=None) -> np.ndarray:
     """Its learning curve."""
     (curve,) = fit([m], [images], [z], [valid], SCHEDULE, [seed], checkpoints)
     return curve
-
-
-def percept(layouts: Layouts) -> torch.Tensor:
-    """Layouts as the model perceives them, without features."""
-    features, doubt = np.zeros((*layouts.present.shape, len(FEATURES))), np.zeros(len(layouts.present))
-    return pack(layouts.ends, layouts.radius, features, layouts.present, doubt)
 
 
 def some_layouts(rng, scenes=20, slots=3) -> Layouts:
@@ -61,7 +44,7 @@ def test_clearances_are_those_of_the_world():
 def test_turned_and_reflected_scenes_are_the_same_to_it():
     rng = np.random.default_rng(2)
     seen, z = percept(some_layouts(rng)), torch.tensor(rng.uniform(-0.2, 1.2, (20, 8, 2)))
-    m = untrained(ClearanceModel, {"members": 4, "families": ["margin", "dwell", "proximity"]}, 0).double()
+    m = clearance_model(families=["margin", "dwell", "proximity"]).double()
     m.get_buffer("evidence").fill_(1.0)
     here = m.logit(seen, z)
     for same in (lambda p: p.flip(-1), lambda p: 1 - p):  # across the start-goal diagonal; by 180 degrees
@@ -89,7 +72,7 @@ def test_it_learns_which_objects_matter_and_their_margin(relevant):
     layouts, images = scenes(rng, 40)
     z = rng.uniform(-0.2, 1.2, (40, 10, 2))
     valid = np.where(relevant, true_clearance(layouts, z), np.inf).min(-1) > MARGIN
-    m = model()
+    m = clearance_model()
     curve = fit_one(m, images[:20], z[:20], valid[:20])
     assert curve[-1, 1] < curve[0, 1]
     right = (m.probability(images[20:], z[20:]) > 0.5) == valid[20:]
@@ -104,7 +87,11 @@ def test_a_seed_gives_the_same_bits_and_checkpoints_keep_the_evidence_of_their_s
     layouts, images = scenes(rng, 20)
     z = rng.uniform(-0.2, 1.2, (20, 10, 2))
     valid = true_clearance(layouts, z).min(-1) > MARGIN
-    before, checkpoints, models = torch.random.get_rng_state(), Checkpoints([0, 200, 399]), [model() for _ in range(3)]
+    before, checkpoints, models = (
+        torch.random.get_rng_state(),
+        Checkpoints([0, 200, 399]),
+        [clearance_model() for _ in range(3)],
+    )
     plain, kept, other = models
     curve = fit_one(plain, images, z, valid, 7)
     assert np.array_equal(fit_one(kept, images, z, valid, 7, checkpoints), curve)
@@ -127,7 +114,7 @@ def test_models_fitted_together_answer_as_each_does_alone():
         z = rng.uniform(-0.2, 1.2, (8, n, 2))
         training_sets.append((images, z, true_clearance(layouts, z).min(-1) > MARGIN))
     training_sets[1] = (*training_sets[1][:2], np.ones((8, 3), bool))
-    alone, together = ([model(seed) for seed in range(3)] for _ in range(2))
+    alone, together = ([clearance_model(seed) for seed in range(3)] for _ in range(2))
     curves = [
         fit_one(m, *training_set, seed=i) for i, (m, training_set) in enumerate(zip(alone, training_sets, strict=True))
     ]

@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.models.base import untrained
-from pipeline.models.clearance.clearance import DWELL_SHARES, ClearanceModel, PerceivedObjects, pack, passes
-from pipeline.perception.objects import FEATURES
+from pipeline.models.clearance.clearance import DWELL_SHARES, ClearanceModel, PerceivedObjects, passes
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
 from pipeline.world.rules import Margins
-from tests.factories import ITEMS
+from tests.factories import ITEMS, clearance_model, percept
 from tests.factories import RULES as LAYOUT_RULES
 from tests.rule_families import FAMILIES as RULES
 from tests.rule_families import dwell, proximity, side
@@ -20,13 +18,6 @@ from tests.rule_families import dwell, proximity, side
 SCENES, DEMOS = 20, 9
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}
 AMOUNTS = {"margin": 0.0, "dwell": 0.1, "side": 0.0, "proximity": 0.2}
-
-
-def seen(layouts: Layouts) -> torch.Tensor:
-    """Return the percept that holds every footprint exactly, and the same features for all objects."""
-    ends, radius = layouts.ends.astype(np.float32), layouts.radius.astype(np.float32)
-    features, doubt = (np.zeros(shape, np.float32) for shape in ((*radius.shape, len(FEATURES)), len(radius)))
-    return pack(ends, radius, features, layouts.present, doubt)
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +29,8 @@ def world() -> tuple[Layouts, np.ndarray]:
 
 def fitted(world: tuple[Layouts, np.ndarray], valid: np.ndarray, steps: int = 400) -> ClearanceModel:
     layouts, z = world
-    model = untrained(ClearanceModel, {"members": 4}, 0)
-    assert isinstance(model, ClearanceModel)
-    model.perceive = lambda images: seen(layouts)
+    model = clearance_model()
+    model.perceive = lambda images: percept(layouts).float()
     fit([model], [np.zeros((SCENES, 100, 100, 3), np.uint8)], [z], [valid], Schedule(steps, 0.03, 0.0, 100), [0])
     return model
 
@@ -57,7 +47,7 @@ def test_the_family_that_labelled_the_paths_is_the_most_probable_and_judges_new_
         return
     new = random_z_theta(np.random.default_rng(7), SCENES, 60)
     with torch.no_grad():
-        judged = model.logit(seen(layouts), torch.tensor(new).float()).numpy() > 0
+        judged = model.logit(percept(layouts).float(), torch.tensor(new).float()).numpy() > 0
     truth = rule(layouts, new, ALL, amount)
     nearest = RULES["margin"](layouts, new, ALL, 0.0)
     assert (judged == truth).mean() > 0.93 > (nearest == truth).mean()
@@ -71,18 +61,18 @@ def test_random_labels_leave_one_rate(world):
     never = fitted(world, np.ones((SCENES, DEMOS), bool), steps=1)
     assert never.posterior()[-1] == 1
     with torch.no_grad():
-        p = never.logit(seen(world[0]), torch.tensor(world[1]).float()).sigmoid()
+        p = never.logit(percept(world[0]).float(), torch.tensor(world[1]).float()).sigmoid()
     np.testing.assert_allclose(p, 181 / 182, atol=1e-5)
 
 
 def test_relations_to_objects_are_those_of_the_rules(world):
     layouts, z = world
-    passing = passes(seen(layouts), torch.tensor(z).float())
+    passing = passes(percept(layouts).float(), torch.tensor(z).float())
     assert (passing.clearance[..., 1:].diff(dim=-1) >= 0).all()
     slots = passing.clearance.shape[2]
     near = (passing.clearance[..., 0] < 0.045).numpy() & layouts.present[:, None, :slots]
     right = passing.relations[..., 0].numpy()
-    log_gap = PerceivedObjects.of(seen(layouts)).features[:, None, :slots, -1].numpy()
+    log_gap = PerceivedObjects.of(percept(layouts).float()).features[:, None, :slots, -1].numpy()
     tenth = int((DWELL_SHARES - AMOUNTS["dwell"]).abs().argmin())
     broken = {
         side: near & (right > 0), proximity: near & (log_gap <= np.log(0.2)),

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.models.base import to_tensor, untrained
+from pipeline.models.base import to_tensor
 from pipeline.models.clearance.clearance import ClearanceModel, PerceivedObjects
 from pipeline.training.clearance.fit import set_feature_scaling
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import random_scenes
 from pipeline.world.render import read_palette, render_scenes
 from studies.shift.stage import blur
-from tests.factories import RULES
+from tests.factories import RULES, clearance_model
 
 TRAINED, ASKED = 20, 6
 
@@ -22,21 +22,16 @@ def world() -> tuple[ClearanceModel, np.ndarray, np.ndarray]:
     catalogue, palette = read_palette("data")
     layouts, appearance = random_scenes(np.random.default_rng(5), TRAINED + ASKED, catalogue, "train", RULES)
     images = render_scenes(layouts, appearance["texture"].tolist(), appearance["render_seed"].tolist(), palette)
-    model = untrained(ClearanceModel, {"members": 4}, 0)
-    assert isinstance(model, ClearanceModel)
+    model = clearance_model()
     set_feature_scaling(model, images[:TRAINED])
     model.get_buffer("evidence")[0] = 20.0
     return model, images[TRAINED:], random_z_theta(np.random.default_rng(6), ASKED, 40)
 
 
-def blurred(images: np.ndarray) -> np.ndarray:
-    return blur(np.random.default_rng(7), images, 4.0)
-
-
 def test_pictures_like_those_of_training_are_trusted_and_blurred_ones_are_not(world):
     model, images, _ = world
     assert (model.trust(model.perceive(to_tensor(images))) == 1).all()
-    trust = model.trust(model.perceive(to_tensor(blurred(images))))
+    trust = model.trust(model.perceive(to_tensor(blur(np.random.default_rng(7), images, 4.0))))
     assert (trust < 0.5).all() and (trust > 0).all()
 
 
