@@ -71,7 +71,7 @@ def state(root: Path) -> list[str]:
     ],
 )
 def test_hooks_and_aliases_leave_the_person_s_repository_as_it_is(place, start, command, ends, person, tmp_path: Path):
-    """The audit's clone has no such stage; the smoke run stops at its first dvc, the sweep's job at tables without room."""
+    """The audit's clone has no such stage; the smoke run stops at its first dvc, the sweep's job where no item fits."""
     tree = place(person, tmp_path)
     stub = tmp_path / "bin/dvc"
     stub.parent.mkdir()
