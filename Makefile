@@ -47,7 +47,7 @@ pull: data-here  ## data, and results where somebody pushed them to the remote
 	@said=$$(dvc pull --allow-missing 2> .dvc/tmp/pull) || { cat .dvc/tmp/pull >&2; exit 1; }; \
 	  sed '/^md5: /d; /Missing cache files:/d' .dvc/tmp/pull >&2; lacking=$$(grep -c '^md5: ' .dvc/tmp/pull || true); \
 	  echo "data: here; results: $$(sed -n '$$s/^Everything is up to date.*/nothing new/; $$p' <<< "$$said")"; \
-	  [ $$lacking = 0 ] || echo "nobody pushed $$lacking results that the locks name: \`make repro\` and \`make studies\` compute them"
+	  [ $$lacking = 0 ] || echo "results that the locks name and nobody pushed: $$lacking; \`make repro\` and \`make studies\` compute them"
 
 # from store/, which lies in git, whatever remote results go to
 DATA := --remote store data.dvc rendered/pictures.dvc

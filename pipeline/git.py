@@ -1,7 +1,7 @@
 """Start git, DVC, make and Python in a repository's folder, whatever repository the caller's variables name.
 
 Git sets GIT_DIR and others for hooks and `!` aliases. A child that inherits them works on the repository that they
-name, not on its folder's.
+name, not on its folder's. Text is UTF-8, whatever the caller's locale.
 """
 
 import os
@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from functools import cache
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -23,21 +24,33 @@ def _local_variables() -> tuple[str, ...]:
 
 
 def forget_repository() -> None:
-    """Remove the variables that name a repository from this process: for commands that git may have started."""
+    """Remove the variables that name a repository from this process: for commands that git may have started.
+
+    What the terminal's encoding lacks is printed as `?`.
+    """
     for name in _local_variables():
         os.environ.pop(name, None)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
     """Return this process's variables without those that name a repository, then with those of `env`."""
-    return {name: value for name, value in os.environ.items() if name not in _local_variables()} | dict(env or {})
+    kept = {name: value for name, value in os.environ.items() if name not in _local_variables()}
+    return kept | {"PYTHONUTF8": "1"} | dict(env or {})
 
 
 def run(
     command: Sequence[str], folder: Path, env: Mapping[str, str] | None = None, **options: Any
 ) -> subprocess.CompletedProcess[str]:
-    """Return a command that has ended in `folder` with these variables changed; `options`: of subprocess.run."""
-    return subprocess.run(command, cwd=folder, env=environment(env), text=True, **options)
+    """Return a command that has ended in `folder`, the root of a repository, with these variables changed.
+
+    Git does not look for a repository above it, as that of a folder in which a download was unpacked. `options`: of
+    subprocess.run.
+    """
+    changed = {"GIT_CEILING_DIRECTORIES": str(folder.absolute().parent)} | dict(env or {})
+    return subprocess.run(command, cwd=folder, env=environment(changed), encoding="utf-8", errors="replace", **options)
 
 
 def git(folder: Path, *arguments: str, env: Mapping[str, str] | None = None) -> str:

@@ -8,10 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.audit.revision import make_clone
 from pipeline.git import environment, forget_repository, git, run
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
+from pipeline.sweep.job import snapshot
 from tests.sweep.running import clone_of_working_tree
 
 MINE = ("-c", "user.name=me", "-c", "user.email=me@localhost")
+SWEEP = f"{sys.executable} -m pipeline.sweep --multirun profile=smoke scenes.layout.clear_of_ends=0.9 --stages scenes"
 
 
 @pytest.fixture(scope="module")
@@ -62,10 +67,11 @@ def state(root: Path) -> list[str]:
     [
         (worktree, by_hook, f"{sys.executable} -m pipeline.audit HEAD --rerun nothing", "'nothing' is unknown"),
         (submodule, by_alias, "bash tests/smoke/run.sh {0}/smoke", "stopped: {0}/smoke"),
+        (worktree, by_hook, f"{SWEEP} --folder {{0}}/swept; cat {{0}}/swept/jobs/*/log.txt", "no room for"),
     ],
 )
 def test_hooks_and_aliases_leave_the_person_s_repository_as_it_is(place, start, command, ends, person, tmp_path: Path):
-    """The audit knows that there is no such stage once its clone is there; the smoke run stops at its first dvc."""
+    """The audit's clone has no such stage; the smoke run stops at its first dvc, the sweep's job where no item fits."""
     tree = place(person, tmp_path)
     stub = tmp_path / "bin/dvc"
     stub.parent.mkdir()
@@ -91,6 +97,36 @@ def test_children_work_on_their_folder_whatever_repository_variables_name(tmp_pa
     forget_repository()
     said = subprocess.run(["git", "symbolic-ref", "HEAD"], cwd=tmp_path / "mine", capture_output=True, text=True)
     assert said.stdout == "refs/heads/mine\n"
+
+
+def test_git_says_itself_that_a_folder_is_no_repository_though_it_lies_in_one(tmp_path: Path):
+    git(tmp_path, "init", "--quiet")
+    (tmp_path / "download").mkdir()
+    with pytest.raises(InputError, match="not a git repository"):
+        git(tmp_path / "download", "rev-parse", "--git-dir")
+
+
+def test_a_clone_of_a_shallow_repository_has_uncommitted_changes_too(tmp_path: Path):
+    git(tmp_path, "init", "--quiet", "whole")
+    for text in ("1", "2"):
+        (tmp_path / "whole/file").write_text(text)
+        git(tmp_path / "whole", "add", "file")
+        git(tmp_path / "whole", *MINE, "commit", "--quiet", "--message", text)
+    git(tmp_path, "clone", "--quiet", "--depth=1", f"file://{tmp_path}/whole", "shallow")
+    (tmp_path / "shallow/file").write_text("3")
+    clone = make_clone(tmp_path / "shallow", snapshot(tmp_path / "shallow"), tmp_path / "clone")
+    assert (clone / "file").read_text() == "3"
+
+
+def test_text_is_utf_8_whatever_the_locale_and_what_a_terminal_lacks_is_replaced(tmp_path: Path):
+    code = "import pipeline.git as g, pathlib; g.forget_repository(); print(g.git(pathlib.Path('.'), 'show', 'HEAD:e'))"
+    git(tmp_path, "init", "--quiet")
+    (tmp_path / "e").write_text("ü 盤", encoding="utf-8")
+    git(tmp_path, "add", ".")
+    git(tmp_path, *MINE, "commit", "--quiet", "--message", "x")
+    latin = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "PYTHONPATH": str(ROOT)}
+    ended = run([sys.executable, "-c", code], tmp_path, latin, capture_output=True)
+    assert ended.stdout == "? ?\n", ended.stderr
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def main(arguments: list[str]) -> int:
                 checks = audit(clone)
             text, wrong = of_audit(first, checks), any(check.faults for check in checks)
         if given.out:
-            atomic_write(given.out, lambda part: part.write_text(text))
+            atomic_write(given.out, lambda part: part.write_text(text, encoding="utf-8"))
         else:
             print(text, end="")
     except (InputError, OSError) as error:

@@ -51,7 +51,7 @@ def read_locks(clone: Path) -> dict[str, dict]:
     locks = {}
     for file in (clone / "dvc.lock", *clone.glob("studies/dvc.lock"), *sorted(clone.glob("studies/*/dvc.lock"))):
         prefix = "" if file.parent == clone else f"{file.parent.relative_to(clone)}/dvc.yaml:"
-        locks |= {f"{prefix}{name}": stage for name, stage in yaml.safe_load(file.read_text())["stages"].items()}
+        locks |= {f"{prefix}{name}": stage for name, stage in yaml.safe_load(file.read_bytes())["stages"].items()}
     return locks
 
 
@@ -59,7 +59,7 @@ def stages(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Chec
     """Check that every stage's code, parameters and inputs are those its lock was written for."""
     made = {out["path"]: out.get("md5") for stage in locks.values() for out in stage.get("outs", [])}
     for tracked in (Path(name) for name in git(clone, "ls-files", "*.dvc").splitlines()):
-        outs = yaml.safe_load((clone / tracked).read_text())["outs"]
+        outs = yaml.safe_load((clone / tracked).read_bytes())["outs"]
         made |= {str(tracked.parent / out["path"]): out["md5"] for out in outs}
     names = dvc(clone, "stage", "list", "--all", "--name-only").split()
     never_run = [name for name in names if name not in locks and not name.endswith(".dvc")]
@@ -132,7 +132,7 @@ def provenance(clone: Path, locks: dict[str, dict]) -> Checked:
             if not md5.endswith(".dir"):
                 made[stage, Path(out["path"]).name] = md5
             elif listed.is_file():
-                made |= {(stage, Path(file["relpath"]).name): file["md5"] for file in json.loads(listed.read_text())}
+                made |= {(stage, Path(file["relpath"]).name): file["md5"] for file in json.loads(listed.read_bytes())}
             else:
                 unlisted.add(stage)
     count, unchecked, faults = 0, 0, []

@@ -36,10 +36,8 @@ class Commit(NamedTuple):
 
     def file(self, path: str) -> str:
         """Return a file's text; "" if the commit has no such file."""
-        try:
-            return git(self.repository, "show", f"{self.revision}:{path}")
-        except InputError:
-            return ""
+        listed = git(self.repository, "ls-tree", "--name-only", self.revision, path)
+        return git(self.repository, "show", f"{self.revision}:{path}") if listed else ""
 
     def files(self, suffix: str) -> list[str]:
         """Return the paths of all files with this suffix."""

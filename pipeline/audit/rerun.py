@@ -34,11 +34,11 @@ def run(clone: Path, stages: list[str], profile: str | None = None) -> Hashes:
     Uses the running environment if it has the commit's packages, else makes the commit's own. Raise InputError if a
     stage is unknown or fails; its output is on the terminal. Return the hashes of the outputs written.
     """
-    known = yaml.safe_load((clone / "dvc.yaml").read_text())["stages"]
+    known = yaml.safe_load((clone / "dvc.yaml").read_bytes())["stages"]
     if unknown := [name for name in stages if name.partition("@")[0] not in known]:
         raise InputError(f"stage {unknown[0]!r} is unknown: expected some of {', '.join(known)}")
     binaries = Path(sys.executable).parent
-    if (clone / PINNED).read_text() != (ROOT / PINNED).read_text():
+    if (clone / PINNED).read_bytes() != (ROOT / PINNED).read_bytes():
         if run_in(["make", "venv"], clone, stdout=sys.stderr).returncode:
             raise InputError("`make venv` failed in a clone of the commit: its output is above")
         binaries = clone / ".venv" / "bin"
@@ -61,6 +61,6 @@ def run(clone: Path, stages: list[str], profile: str | None = None) -> Hashes:
 
 def outputs(clone: Path) -> Hashes:
     """Return the hash of every output of the paper's stages that their lock names, but for recordings."""
-    stages = yaml.safe_load((clone / "dvc.lock").read_text())["stages"]
+    stages = yaml.safe_load((clone / "dvc.lock").read_bytes())["stages"]
     hashes = {(name, out["path"]): out["md5"] for name, stage in stages.items() for out in stage.get("outs", [])}
     return {key: md5 for key, md5 in hashes.items() if key[1] not in RECORDINGS}

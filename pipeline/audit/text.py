@@ -18,7 +18,7 @@ MAX_LINES = 30  # of a list
 def of_audit(revision: str, checks: Sequence[Checked]) -> str:
     """Return the result of all checks of a commit."""
     faults = sum(len(check.faults) for check in checks)
-    verdict = "everything agrees" if not faults else f"{faults} fault{'s' * (faults != 1)}"
+    verdict = f"{faults} fault{'s' * (faults != 1)}" if faults else "everything agrees"
     rows = [(check.what, check.items, len(check.faults), check.unchecked) for check in checks]
     wrong = {f"{check.what}: not so": _faults(check.faults) for check in checks}
     return _page(f"Audit of {revision}: {verdict}", table(["check", "items", "faults", "unchecked"], rows), wrong)
@@ -97,7 +97,7 @@ def _paired(by_seed: pd.DataFrame) -> str:
         interval = untested(row) or f"{row.ci_low:.2g} to {row.ci_high:.2g}"
         difference = f"{row.difference:+.3g} ({interval})"
         rows.append((row.word, f"`{row.headline}`", row.before, row.after, difference, p_text(row.p_holm), row.seeds))
-    same = f"{zero.sum()} {'others' if rows else 'headlines'} have the same values for every seed."
+    same = f"{'Others' if rows else 'Headlines'} with the same values for every seed: {zero.sum()}."
     return "\n\n".join(part for part in (table(PAIRED, rows), same if zero.any() else "") if part)
 
 

@@ -63,7 +63,7 @@ def _sweep(argv: list[str]) -> int:
         runs = [overrides]
         record = {"commit": snapshot(ROOT), "targets": (given.stages or "evaluate").split(",")}
         record |= {"objective": given.objective, "defaults": {}, "runs": [], "jobs": []}
-    known = {*yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"], *(p.name for p in ROOT.glob("studies/*"))}
+    known = {*yaml.safe_load((ROOT / "dvc.yaml").read_bytes())["stages"], *(p.name for p in ROOT.glob("studies/*"))}
     if unknown := [target for target in record["targets"] if target not in known]:
         raise InputError(f"stage {unknown[0]!r} is unknown: expected stages of dvc.yaml or folders of studies/")
     plans = [make_plan(run, record["targets"]) for run in runs]
@@ -79,13 +79,13 @@ def _sweep(argv: list[str]) -> int:
         with FileLock(folder / ".lock", timeout=0):
             write_json(folder / "sweep.json", record)
             if record["commit"] != (head := git(ROOT, "rev-parse", "HEAD").strip()) and not given.resume:
-                (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, record["commit"]))
+                (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, record["commit"]), encoding="utf-8")
                 print(f"these jobs run uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
             shutil.rmtree(folder / "clones", ignore_errors=True)  # a killed sweep's
             sweep = Sweep(ROOT, folder, Path(dvc(ROOT, "cache", "dir").strip()), record, os.getpid())
             for plan in plans:
-                count = "jobs that the sweeper chooses" if plan.jobs is None else f"{len(plan.jobs)} jobs"
-                print(f"{count}, up to {', '.join(record['targets'])}, into {folder}", flush=True)
+                count = "as the sweeper chooses" if plan.jobs is None else len(plan.jobs)
+                print(f"jobs: {count}; up to {', '.join(record['targets'])}; into {folder}", flush=True)
                 launch(sweep, plan)
             shutil.rmtree(folder / "clones", ignore_errors=True)
             return _summarise(folder)

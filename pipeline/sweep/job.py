@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from configobj import ConfigObj
 
 from pipeline.artifacts.files import read_json, read_table, write_json, write_table
 from pipeline.artifacts.headlines import headlines
@@ -29,14 +30,6 @@ from pipeline.runtime.errors import InputError
 WATCH_S = 0.5  # between two looks at the parent process
 MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest
 LEFT_OUT = ("store", "examples", "tests", "bench")  # folders that no stage reads
-CONFIG = """[core]
-    site_cache_dir = "{clone}/.dvc/tmp/site"
-[cache]
-    dir = "{cache}"
-    type = "reflink,hardlink,copy"
-['remote "store"']
-    url = "{root}/store"
-"""
 
 
 @dataclass(frozen=True)
@@ -109,7 +102,13 @@ def _prepare(sweep: Sweep, clone: Path) -> None:
     if not (clone / ".dvc" / "config.local").is_file():
         clone.parent.mkdir(parents=True, exist_ok=True)
         make_clone(sweep.root, sweep.record["commit"], clone, LEFT_OUT)
-        (clone / ".dvc" / "config.local").write_text(CONFIG.format(clone=clone, cache=sweep.cache, root=sweep.root))
+        config = ConfigObj(f"{sweep.root}/.dvc/config.local", encoding="utf-8")  # the person's, such as cache.shared
+        config.merge(
+            {"core": {"site_cache_dir": f"{clone}/.dvc/tmp/site"}, 'remote "store"': {"url": f"{sweep.root}/store"}}
+        )
+        config.merge({"cache": {"dir": str(sweep.cache), "type": "reflink,hardlink,copy"}})
+        config.filename = f"{clone}/.dvc/config.local"
+        config.write()
     git(clone, "reset", "--quiet", "--hard")  # parameters, graph and locks of the job before
 
 
@@ -130,7 +129,7 @@ def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Pat
             if is_child and os.getppid() != sweep.process:
                 os._exit(1)
     if process.returncode:
-        lines = ["no output", *(folder / "log.txt").read_text(errors="replace").strip().splitlines()]
+        lines = ["no output", *(folder / "log.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()]
         stated = [line for line in lines if line.startswith("error: ")]
         raise InputError((stated or lines)[-1].removeprefix("error: "))
 

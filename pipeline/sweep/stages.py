@@ -52,10 +52,11 @@ def run_stages(targets: list[str]) -> int:
 def _graph(targets: Iterable[str]) -> tuple[dict[str, set[str]], dict[str, Path]]:
     """Return what each stage needs, and its lock, the same in all jobs with the same parameters up to this stage.
 
-    A stage without parameters, of which DVC caches no run, has its own lock in each clone.
+    A stage without parameters, of which DVC caches no run, has its own lock in each clone. Whoever shares a cache with
+    others has locks of their own: another's are not theirs to write.
     """
     with Repo() as repo:
-        folder, graph = Path(repo.cache.local.path).parents[1] / "sweep-locks", repo.index.graph
+        folder, graph = Path(repo.cache.local.path).parents[1] / f"sweep-locks-{os.getuid()}", repo.index.graph
         folder.mkdir(parents=True, exist_ok=True)
         own = {path.parent.name: f"{path}:{path.parent.name}" for path in Path("studies").glob("*/dvc.yaml")}
         wanted = [stage for target in targets for stage in repo.stage.collect(own.get(target, target))]

@@ -83,5 +83,5 @@ def test_a_stage_that_ran_again_with_other_bytes_is_not_called_equal_by_headline
 def test_an_audit_says_that_pairs_are_too_few():
     by_seed = paired(seeds(x=np.array([0.5, 0.6]), y=np.ones(2)), seeds(x=np.array([0.575, 0.675]), y=np.ones(2)))
     text = of_difference("before", "after", Difference([], [], [], [], [], [], by_seed))
-    assert "+0.075 (too few pairs)" in text and "1 others have the same values for every seed" in text
+    assert "+0.075 (too few pairs)" in text and "Others with the same values for every seed: 1." in text
     assert by_seed["p_holm"].isna().all()

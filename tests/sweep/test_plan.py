@@ -5,11 +5,12 @@ from pathlib import Path
 import pytest
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf
 
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import CONF, ROOT
 from pipeline.sweep.job import Sweep
-from pipeline.sweep.plan import make_plan
+from pipeline.sweep.plan import make_plan, value_of
 
 pytestmark = pytest.mark.slow  # composes conf/ for each case
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
@@ -40,6 +41,11 @@ def test_a_job_s_folder_is_named_by_what_it_does_not_share():
     sweep = Sweep(ROOT, Path("swept"), Path("cache"), {"fixed": ["clearance.rate=1.0"]})
     folder = sweep.job_folder(["clearance.rate=1.0", "variants.full.alpha=100", "evaluate.bins=5"])
     assert folder == Path("swept/jobs/evaluate.bins=5,variants.full.alpha=100")
+
+
+def test_a_group_is_known_by_what_stands_where_it_is_put():
+    cfg = OmegaConf.create({"users": {"careful": {"glass": 1e-1, "bowl": None}}})
+    assert value_of(cfg, "users@users.careful") == "{bowl:null,glass:0.1}"
 
 
 @pytest.mark.parametrize(
