@@ -19,11 +19,11 @@ FRONT_DOOR = "pipeline"  # its __init__ offers the library's functions, imported
 
 
 def modules_of(stages: dict) -> dict[str, list[str]]:
-    """stage -> the modules that its command runs; a study's page imports those that draw its figures and tables."""
+    """stage -> the modules that its command runs; a study's page imports the one that draws its figures."""
     modules = {}
     for name, stage in stages.items():
         module, study = stage["cmd"].split("python -m ")[1].split()[:2]
-        drawing = [f"studies.{study}.{part}" for part in ("figures", "tables")] if name.startswith("page@") else []
+        drawing = [f"studies.{study}.figures"] if name.startswith("page@") else []
         modules[name] = [part for part in (module, *drawing) if file_of(part).is_file()]
     return modules
 

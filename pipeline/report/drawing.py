@@ -16,12 +16,20 @@ from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import Margins
 
+Texts = Sequence[str]
 
-def panels(rows: int, columns: int, width: float, height: float, **options) -> tuple[Figure, Array]:
-    """Return a figure [inches] with a grid of axes (rows, columns) in the shared style."""
+
+def panels(
+    rows: int, columns: int, width: float, height: float, titles: Texts = (), names: Texts = (), **options
+) -> tuple[Figure, Array]:
+    """Return a figure [inches] with a grid of axes (rows, columns): `titles` over its columns, `names` of its rows."""
     with matplotlib.rc_context(style.RC):
         figure = Figure(figsize=(width, height), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False, **options)
+    for panel, title in zip(axes[0], titles, strict=False):
+        panel.set_title(title)
+    for panel, name in zip(axes[:, 0], names, strict=False):
+        panel.set_ylabel(name, color=style.INK)
     return figure, axes
 
 
@@ -80,16 +88,13 @@ def _hide_axes(axes: Axes) -> None:
     axes.spines[:].set_visible(False)
 
 
-def draw_images(rows: Mapping[str, Any], titles: Sequence[str] = ()) -> Figure:
+def draw_images(rows: Mapping[str, Any], titles: Texts = ()) -> Figure:
     """Return a figure of images uint8 (image, 100, 100, 3) in named rows, with titles over the columns."""
     width = min(map(len, rows.values()))
-    figure, axes = panels(len(rows), width, 2.5 * width, 2.6 * len(rows))
-    for line, (name, images) in zip(axes, rows.items(), strict=True):
+    figure, axes = panels(len(rows), width, 2.5 * width, 2.6 * len(rows), titles, list(rows))
+    for line, images in zip(axes, rows.values(), strict=True):
         for panel, image in zip(line, images, strict=False):
             draw_table(panel, image)
-        line[0].set_ylabel(name, color=style.INK)
-    for panel, title in zip(axes[0], titles, strict=False):
-        panel.set_title(title)
     return figure
 
 

@@ -110,7 +110,7 @@ def fill(text: str, parts: Mapping[str, str]) -> str:
 
 def _table_2(table: pd.DataFrame, bold: str) -> tuple[list[str], list[list[str]]]:
     """Return bold.csv's titles and rows as text; `bold` is the pattern of a bold number."""
-    frame, write = rows_of(None, lambda _: table, **TABLE_2).frame, FORMATS["rate"]
+    frame, write = rows_of(None, lambda _: table, **TABLE_2)[0], FORMATS["rate"]
     names, lines = [str(name) for name in frame if not str(name).endswith(HIDDEN)], []
     for row in frame.to_dict("records"):
         line = [row["Source"], row["User"]]

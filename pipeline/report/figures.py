@@ -108,13 +108,7 @@ def drawn(results: Results) -> Figure:
     An end that is truly invalid has a cross.
     """
     users, scenes, layouts = results.repaired_users, results.drawn.mapped, results.drawn.layouts
-    cross: dict[str, Any] = {
-        "marker": "X",
-        "color": "white",
-        "markersize": 11,
-        "markeredgecolor": "black",
-        "linestyle": "",
-    }
+    cross: Any = {"marker": "X", "color": "white", "markersize": 11, "markeredgecolor": "black", "linestyle": ""}
     figure, axes = panels(len(users), len(scenes), 3.9 * len(scenes), 4.0 * len(users))
     for line, user in zip(axes, users, strict=True):
         for panel, scene in zip(line, scenes, strict=True):
@@ -160,14 +154,12 @@ def one_scene(results: Results) -> Figure:
     """Draw one scene without and with each added item: the image, the truth, and the shown models' maps."""
     drawn, shown = results.drawn, list(results.drawn.added_maps)
     columns = ["as it is", *(f"added {symbol}" for symbol in SYMBOLS)]
-    figure, axes = panels(1 + len(shown), len(columns), 2.4 * len(columns), 2.5 * (1 + len(shown)))
-    for i, title in enumerate(columns):
-        draw_table(axes[0, i], drawn.added_images[i])
-        axes[0, i].set_title(title)
-        for j, name in enumerate(shown, 1):
-            draw_map(axes[j, i], drawn.added_maps[name][i])
-    for j, name in enumerate(shown, 1):
-        axes[j, 0].set_ylabel(style.label(name), color=style.INK)
+    names = ["", *map(style.label, shown)]
+    figure, axes = panels(len(names), len(columns), 2.4 * len(columns), 2.5 * len(names), columns, names)
+    for i, (top, *below) in enumerate(axes.T):
+        draw_table(top, drawn.added_images[i])
+        for panel, name in zip(below, shown, strict=True):
+            draw_map(panel, drawn.added_maps[name][i])
     return figure
 
 
@@ -180,7 +172,9 @@ def patterned(results: Results) -> Figure:
     right = [((drawn.patterned_maps[variant][u] > 0.5) == drawn.truth[u]).mean((1, 2)) for u in drawn.truth]
     place = int(np.mean(right, axis=0).argmin())
     scene, users, top = drawn.mapped[place], list(drawn.truth), results.facts["patterned_top"]
-    figure, axes = panels(len(users), 5, 13.0, 2.75 * len(users) + 0.2)
+    titles = ["Its own table top", "Truth", style.label(variant), f"The same on {top}", style.label(variant)]
+    names = [f"{user} user" for user in users]
+    figure, axes = panels(len(users), 5, 13.0, 2.75 * len(users) + 0.2, titles, names)
     for line, user in zip(axes, users, strict=True):
         truth = drawn.truth[user][place]
         draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[user])
@@ -190,10 +184,6 @@ def patterned(results: Results) -> Figure:
             p = maps[variant][user][place]
             draw_map(panel, p)
             panel.set_xlabel(f"{100 * np.mean((p > 0.5) == truth):.0f} % of the map right", color=style.INK)
-        line[0].set_ylabel(f"{user} user", color=style.INK)
-    titles = ["Its own table top", "Truth", style.label(variant), f"The same on {top}", style.label(variant)]
-    for panel, title in zip(axes[0], titles, strict=True):
-        panel.set_title(title)
     return figure
 
 
@@ -221,7 +211,9 @@ def who_accepts(results: Results) -> Figure:
     """Draw, for the mapped scenes, which control points are valid to both, one or none of two users."""
     drawn, (first, *_, second) = results.drawn, results.judged_users
     columns = ["truth", *(v for v in results.shown if v in ("full", "clearance"))]
-    figure, axes = panels(len(drawn.mapped), 1 + len(columns), 2.9 * (1 + len(columns)), 2.85 * len(drawn.mapped) + 0.5)
+    titles = [f"Table, {first} user’s margins", *map(style.label, columns)]
+    names = [f"scene {scene}" for scene in drawn.mapped]
+    figure, axes = panels(len(names), len(titles), 2.9 * len(titles), 2.85 * len(names) + 0.5, titles, names)
     for place, (line, scene) in enumerate(zip(axes, drawn.mapped, strict=True)):
         draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[first])
         for panel, name in zip(line[1:], columns, strict=True):
@@ -230,11 +222,8 @@ def who_accepts(results: Results) -> Figure:
             extent = (Z_LOW, Z_HIGH, Z_LOW, Z_HIGH)
             panel.imshow(kind, cmap=KINDS, vmin=0, vmax=3, origin="lower", extent=extent, interpolation="none")
             outline_table(panel, "white")
-        line[0].set_ylabel(f"scene {scene}", color=style.INK)
-    for panel, title in zip(axes[0], [f"Table, {first} user’s margins", *map(style.label, columns)], strict=True):
-        panel.set_title(title)
-    names = ["neither", f"{first} only", f"{second} only", "both"]
-    handles = [Patch(facecolor=KINDS(i), edgecolor=style.MUTED, label=f"valid for {n}") for i, n in enumerate(names)]
+    kinds = ["neither", f"{first} only", f"{second} only", "both"]
+    handles = [Patch(facecolor=KINDS(i), edgecolor=style.MUTED, label=f"valid for {n}") for i, n in enumerate(kinds)]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure
 

@@ -1,5 +1,6 @@
 """One page from its template: figures and tables numbered in order of appearance, with files of their own."""
 
+import hashlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -71,7 +72,8 @@ def render_page(
     uses a number that is missing or not finite.
     """
     page = Page(name, data, made, site, prefix)
-    calls = {call: getattr(page, call) for call in ("figure", "curves", "bars", "rows", "table_number")}
+    calls: dict[str, Any] = {call: getattr(page, call) for call in ("figure", "rows", "table_number")}
+    calls |= {draw.__name__: partial(page.chart, draw) for draw in (charts.curves, charts.bars)}
     site.pages[name] = made.get_template(template).render(page=name, figures=figures, **calls)
 
 
@@ -91,13 +93,9 @@ class Page:
         """Show the figure that a function draws of the data."""
         return self._figure(draw.__name__, partial(draw, self.data), caller, **options)
 
-    def curves(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
-        """Show lines of a table of results: see `charts.curves`."""
-        return self._figure(name, partial(charts.curves, self.data, table), caller, **options)
-
-    def bars(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
-        """Show intervals of a table of results: see `charts.bars`."""
-        return self._figure(name, partial(charts.bars, self.data, table), caller, **options)
+    def chart(self, draw: Callable, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+        """Show lines or intervals of a table of results: `draw` is `charts.curves` or `charts.bars`."""
+        return self._figure(name, partial(draw, self.data, table), caller, **options)
 
     def table_number(self) -> str:
         """Return the number of a table whose markup is in the template."""
@@ -124,19 +122,22 @@ class Page:
         traced = isinstance(self.data, Data)
         if traced:
             self.data.reads.clear()
-        shown = rows_of(self.data, table, **options)
+        frame, written = rows_of(self.data, table, **options)
         read = sorted(set(self.data.reads)) if traced else []
         self.table_count += 1
         file = self.prefix + name.replace("_", "-")
-        self.site.tables[file] = shown.frame
-        rows = [dict(zip(shown.frame, row, strict=True)) for row in shown.frame.astype(object).to_numpy()]  # Traced
-        text = {"file": file, "table": shown, "rows": rows, "number": self.table_count, "caption": caller()}
-        text["origins"] = ()
+        self.site.tables[file] = frame
+        rows = [dict(zip(frame, row, strict=True)) for row in frame.astype(object).to_numpy()]  # Traced
+        text = {"file": file, "columns": list(frame), "written": written, "rows": rows, "number": self.table_count}
+        text |= {"caption": caller(), "origins": ()}
         if traced:
             sources = self.data.sources
             self.site.read.setdefault(self.name, {})[file] = read
             self.site.sources.update({table: sources[table] for table in read if table in sources})
-            text["origins"] = dict.fromkeys(str(sources.get(table, table)) for table in read)
+            files = [
+                ", ".join(f"{path.name} of {stage}" for stage, path in sources.get(one, ())) or one for one in read
+            ]
+            text["origins"] = dict.fromkeys(files)
             text["seeds"] = seeds_in_words(self.data.seeds)
         return Markup(self.made.get_template("table.html.j2").render(text))
 
@@ -156,8 +157,16 @@ def write_files(site: Site, out_dir: Path) -> None:
 
 
 def write_provenance(site: Site, out_dir: Path, facts: Mapping[str, Any]) -> None:
-    """Write provenance.json: `facts`, the tables behind each page's tables, and the md5 of the files behind those."""
-    sources = {name: source.digests() for name, source in sorted(site.sources.items())}
+    """Write provenance.json: `facts`, the tables behind each page's tables, and the md5 of the files behind those.
+
+    A stage's lock names the same md5.
+    """
+    sources = {
+        name: [
+            {"stage": of, "file": file.name, "md5": hashlib.md5(file.read_bytes()).hexdigest()} for of, file in files
+        ]
+        for name, files in sorted(site.sources.items())
+    }
     write_json(out_dir / "provenance.json", {**facts, "sources": sources, "pages": site.read})
 
 
@@ -166,7 +175,6 @@ def provenance(cfg: DictConfig) -> dict[str, Any]:
 
     Raise InputError if no file names the data's version.
     """
-    facts: dict[str, Any] = {"data_md5": data_version(cfg.paths.data), "root_seed": cfg.scenes.root_seed}
-    facts |= {"profile": cfg.profile}
+    facts = {"data_md5": data_version(cfg.paths.data), "root_seed": cfg.scenes.root_seed, "profile": cfg.profile}
     facts |= {"seeds": list(cfg.protocol.seeds), "splits": dict(cfg.protocol.splits)}
     return facts | {"main_n_demos": cfg.main_n_demos}

@@ -1,7 +1,6 @@
 """What a page draws from: tables by name, whose numbers know their cell and whose files are known."""
 
-import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,21 +12,7 @@ from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.report.tables import check_finite, checked, chosen, lookup, named
 from pipeline.world.rules import Margins
 
-
-@dataclass(frozen=True)
-class Source:
-    """The files, by stage and name, that a table of results was read or computed from."""
-
-    files: tuple[tuple[str, Path], ...]  # stage, and the file in its folder
-
-    def __str__(self) -> str:
-        """Return the files' names by stage."""
-        return ", ".join(f"{file.name} of {stage}" for stage, file in self.files)
-
-    def digests(self) -> list[dict[str, str]]:
-        """Return stage, name and md5 of each file; a stage's lock names the same md5."""
-        md5 = [hashlib.md5(file.read_bytes()).hexdigest() for _, file in self.files]
-        return [{"stage": of, "file": file.name, "md5": md5} for (of, file), md5 in zip(self.files, md5, strict=True)]
+Source = Sequence[tuple[str, Path]]  # what a table of results was read or computed from: stage, and file in its folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +63,7 @@ class Study(Data):
         Empty names, such as the variant of a baseline, are \"\".
         """
         self.reads.append(name)
-        self.sources[name] = Source(((self.name, self.folder / name),))
+        self.sources[name] = [(self.name, self.folder / name)]
         frame = named(read_table(self.folder / name))
         check_finite(frame, self.source(name), finite)
         return frame

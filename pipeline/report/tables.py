@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -105,18 +104,6 @@ FORMATS: dict[str, Callable] = {
 }
 
 
-@dataclass(frozen=True)
-class Table:
-    """A table of a page: its numbers as written to csv, and the format of each numeric column.
-
-    Columns "X, q1" and "X, q3", or "X, low" and "X, high", are shown in brackets behind X: the quartiles over training
-    sets, or an interval. A true "X, bold" makes the cell bold, and a true "X, beyond" puts a dagger behind it.
-    """
-
-    frame: pd.DataFrame
-    formats: dict[str, str] = field(default_factory=dict)
-
-
 def chosen(data: Any, table: str | Callable[[Any], pd.DataFrame], where: Mapping[str, Any] | None) -> pd.DataFrame:
     """Return the rows of a table of results that `where` selects; a list selects any of its values, in its order.
 
@@ -154,9 +141,10 @@ def rows_of(
     beyond: str = "",
     across: str = "",
     gaps: Collection[str] = (),
-) -> Table:
-    """Return rows of a table of results under other titles.
+) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Return rows of a table of results under other titles, and the format of each numeric column.
 
+    Behind a number X are its parts, columns "X, q1" and "X, q3", "X, low" and "X, high", "X, bold", "X, beyond".
     columns: the columns shown, with their titles, in that order. where: see `chosen`. formats: the format of each
     column with numbers, by title, or one name for all columns of fractions. words: what stands for a column's values.
     quartiles, interval: show the columns `X_q1` and `X_q3`, or those of the interval, in brackets behind X; columns
@@ -209,7 +197,7 @@ def rows_of(
     if across:
         formats = dict(formats) | {_joined(head, title): form for head in heads for title, form in formats.items()}
         made = made.drop(columns=[name for name in order if name.endswith(HIDDEN) and made[name].isna().all()])
-    return Table(made, dict(formats))
+    return made, dict(formats)
 
 
 def in_words(value: Any, words: Words | None) -> Any:

@@ -35,12 +35,8 @@ HISTORY = {
     "draws": "test_draws.csv", "changes": "changes_after_tests.csv", "effort": "search_effort.csv",
     "sealed": "sealed_run.csv",
 }  # fmt: skip
-TABLES = {  # name -> stage and file
-    "accuracy": ("evaluate", "accuracy.csv"),
-    "calibration": ("evaluate", "calibration.csv"),
-    "scores": ("evaluate", "scores.csv"),
-    "comparisons": ("evaluate", "comparisons.csv"),
-    "convergence": ("evaluate", "convergence.csv"),
+EVALUATED = "accuracy", "calibration", "scores", "comparisons", "convergence"
+TABLES = {name: ("evaluate", f"{name}.csv") for name in EVALUATED} | {  # name -> stage and file
     "curve": ("readings", "curve.csv"),
     "repair": ("repair", "summary.csv"),
     "repairs": ("repair", "repairs.parquet"),
@@ -62,8 +58,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write index.html and its pages, page.css, figures/*.svg, tables/*.csv, provenance.json and metrics.json."""
     scenes = read_scenes(Path(cfg.paths.scenes))
     tables = {name: read_table(Path(cfg.paths[stage]) / file) for name, (stage, file) in TABLES.items()}
-    for name, column in (("repair", "variant"), ("repairs", "variant"), ("interventions", "symbol")):
-        tables[name] = tables[name].assign(**{column: tables[name][column].fillna("")})  # csv reads "" as missing
     tables["seeds"] = headlines(cfg, Path(), ("evaluate", "repair"))
     tables["judged"] = _judged(cfg, scenes)
     tables["slices"] = by_slice(tables["judged"])
@@ -100,13 +94,13 @@ def write_site(site: Site, out_dir: Path, facts: Mapping[str, Any]) -> None:
 
 def _sources(cfg: DictConfig) -> dict[str, Source]:
     """Return the files behind each table, as DVC names their stages."""
-    files = {name: [(stage, Path(cfg.paths[stage]) / file)] for name, (stage, file) in TABLES.items()}
+    files: dict[str, Source] = {n: [(stage, Path(cfg.paths[stage]) / file)] for n, (stage, file) in TABLES.items()}
     files |= {name: [("docs/decisions", DECISIONS / file)] for name, file in HISTORY.items()}
     files["seeds"] = [("evaluate", Path(cfg.paths.evaluate) / "accuracy.parquet"), *files["repairs"]]
     shown = compared(cfg)
     judged = [(f"{cfg.variants[v].stage}@{v}", model_dir(cfg, v) / "predictions.parquet") for v in shown]
     files["judged"] = files["slices"] = [("demos", Path(cfg.paths.demos) / "queries.npz"), *judged]
-    return {name: Source(tuple(parts)) for name, parts in files.items()}
+    return files
 
 
 def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:

@@ -14,7 +14,7 @@ from pipeline.artifacts.files import read_json, write_table
 from pipeline.report.page import Site, write_files, write_provenance
 from pipeline.report.render import PAGES, render
 from pipeline.report.results import SOURCES
-from pipeline.report.study import Source, Study
+from pipeline.report.study import Study
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import ROOT
 from pipeline.stages import page as study_page
@@ -169,7 +169,7 @@ def test_a_number_of_a_study_that_is_missing_or_not_finite_is_refused(study: Stu
 
 
 def test_provenance_names_the_file_behind_each_table_and_old_figures_and_tables_go(study: Study, tmp_path: Path):
-    site = Site(sources={"summary.csv": Source((("q", study.folder / "summary.csv"),))}, read={"index": {"t": []}})
+    site = Site(sources={"summary.csv": [("q", study.folder / "summary.csv")]}, read={"index": {"t": []}})
     write_provenance(site, study.folder, {"seeds": [0]})
     md5 = hashlib.md5((study.folder / "summary.csv").read_bytes()).hexdigest()
     sources = {"summary.csv": [{"stage": "q", "file": "summary.csv", "md5": md5}]}

@@ -34,32 +34,32 @@ def data(table: pd.DataFrame = TABLE) -> Any:
 def test_rows_are_chosen_ordered_named_and_know_their_cell():
     where = {"variant": ["clearance", "full"], "split": "new"}
     words = {"variant": {"full": "Paper"}}
-    table = rows_of(data(), "t", COLUMNS, where, "pct", words, quartiles=True, bold="p_holm")
-    assert table.frame["Model"].tolist() == ["clearance", "Paper"] and table.formats == {"Share": "pct"}
-    assert table.frame["Share, bold"].tolist() == [True, True]
-    cell = table.frame["Share"].iloc[1]
+    table, formats = rows_of(data(), "t", COLUMNS, where, "pct", words, quartiles=True, bold="p_holm")
+    assert table["Model"].tolist() == ["clearance", "Paper"] and formats == {"Share": "pct"}
+    assert table["Share, bold"].tolist() == [True, True]
+    cell = table["Share"].iloc[1]
     assert isinstance(cell, Traced) and cell.source == ("t", "share", {"split": "new", "variant": "full"})
-    assert in_brackets(table.frame.to_dict("records")[0], "Share", FORMATS["pct"]) == " [60–80]"
+    assert in_brackets(table.to_dict("records")[0], "Share", FORMATS["pct"]) == " [60–80]"
 
 
 def test_a_share_that_a_csv_holds_as_a_whole_number_is_shown_as_a_share():
-    made = rows_of(data(TABLE.assign(share=1)), "t", COLUMNS, formats={"Share": "pct"})
-    assert all(isinstance(cell, Traced) for cell in made.frame["Share"]) and made.formats == {"Share": "pct"}
+    made, formats = rows_of(data(TABLE.assign(share=1)), "t", COLUMNS, formats={"Share": "pct"})
+    assert all(isinstance(cell, Traced) for cell in made["Share"]) and formats == {"Share": "pct"}
 
 
 def test_each_value_of_across_gets_its_columns():
-    table = rows_of(data(), "t", COLUMNS, formats="pct", interval=("q1", "q3"), across="split")
+    table, _ = rows_of(data(), "t", COLUMNS, formats="pct", interval=("q1", "q3"), across="split")
     columns = [f"{split}, Share{part}" for split in ("new", "old") for part in ("", ", low", ", high")]
-    assert list(table.frame) == ["Model", *columns]
-    assert table.frame["old, Share"].tolist() == [0.6, 0.8]
+    assert list(table) == ["Model", *columns]
+    assert table["old, Share"].tolist() == [0.6, 0.8]
 
 
 def test_a_number_may_be_missing_only_where_that_is_declared():
     columns = {"variant": "Model", "error": "Error"}
-    assert rows_of(data(), "t", columns, formats="pct", gaps=["Error"]).frame["Error"].iloc[1] is None
+    assert rows_of(data(), "t", columns, formats="pct", gaps=["Error"])[0]["Error"].iloc[1] is None
     with pytest.raises(InputError, match="column error: expected finite"):
         rows_of(data(), "t", columns, formats="pct")
-    made = rows_of(data(TABLE.drop(0)), "t", COLUMNS, formats="pct", across="split").frame
+    made = rows_of(data(TABLE.drop(0)), "t", COLUMNS, formats="pct", across="split")[0]
     assert made["new, Share"].tolist() == [None, 0.7]  # the pair is absent
     with pytest.raises(InputError, match="no row"):
         rows_of(data(), "t", COLUMNS, {"variant": "other"})
