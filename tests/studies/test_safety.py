@@ -82,4 +82,4 @@ def test_chosen_paths_have_the_dose_and_are_clear_of_other_items(cfg: DictConfig
 def test_27_demonstrations_are_too_few_to_promise_two_per_cent_and_who_accepts_nothing_errs_in_nothing(out: Path):
     strict = read_table(out / "levels.csv").query("rule == 'conformal' and level <= 0.02")
     assert len(strict) == 3 * 2 * 2 and (strict["abstained"] == 1).all()
-    assert (strict[["invalid", "power"]] == 0).all(axis=None)
+    assert (strict["invalid"] == 0).all()
