@@ -1,6 +1,7 @@
 """Repair paths by gradient ascent on a model's log-odds of validity (paper, "Trajectory Backpropagation")."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -10,22 +11,22 @@ from torch import Tensor
 
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.runtime.roots import square_root
+from pipeline.runtime.settings import Count, Group, Size
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
 DECAY, SQUARES_DECAY, EPSILON = 0.9, 0.999, 1e-8  # beta_1, beta_2 and epsilon of Adam (Kingma and Ba, 2015)
 
 
-@dataclass(frozen=True)
-class Ascent:
+class Ascent(Group):
     """Settings of gradient ascent (conf/repair.yaml).
 
     optimiser: `gradient` steps by rate * Delta, as in the paper (rate in m^2 per unit of log-odds); `adam` takes
     Adam's steps of about rate [m] per coordinate. The rate decreases linearly to zero over the steps.
     """
 
-    steps: int
-    optimiser: str
-    rate: float
+    steps: Count
+    optimiser: Literal["gradient", "adam"]
+    rate: Size
 
 
 @dataclass(frozen=True)

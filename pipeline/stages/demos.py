@@ -13,7 +13,7 @@ from tqdm import tqdm
 from pipeline.artifacts.demos import DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.launch import launch
-from pipeline.runtime.settings import Count, Demonstrations, Distance, Group, Length, Pair, Size, Spread, Whole, need
+from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
@@ -23,25 +23,13 @@ from pipeline.world.rules import valid
 Key = tuple[int, str, int, int]  # seed, user, scene, demo
 
 
-class HandSettings(Group):
-    rate_hz: Size
-    jitter_s: Spread
-    speed_m_s: Size
-    speed_spread: Spread
-    tremor_m: Distance
-    tremor_hz: Pair
-    drift_m: Distance
-    height_m: float
-    height_drift_m: Distance
-
-
 class Settings(Group):
     root_seed: Whole
     per_scene: Demonstrations
     queries_seen: Count
     queries_new: Count
     poor_above_m: Length
-    hand: HandSettings
+    hand: Hand
 
 
 def agree(demos: Settings, parameters: Any) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,19 +22,16 @@ from pipeline.planning.repair import Ascent, repair
 from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
-from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, widest_margin
+from pipeline.runtime.settings import Count, SharedSplit, Size, Whole, need, widest_margin
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 
 SEARCHED = "clearance"  # the variant whose search results are reported as metrics
 
 
-class Settings(Group):
+class Settings(Ascent):
     split: SharedSplit
     starts: Count
-    steps: Count
-    optimiser: Literal["gradient", "adam"]
-    rate: Size
     distance_penalty: Size
     lattice_side: Count
     refinements: Whole
@@ -83,8 +80,7 @@ def _repair(
     if len(s.z) == 0:
         return pd.DataFrame(), pd.DataFrame(), np.zeros((0, r.steps + 1, 2), np.float32)
     model = load_model(cfg, variant, s.user, seed, cfg.main_n_demos)
-    ascent = Ascent(r.steps, r.optimiser, float(r.rate))
-    repairs = repair(model, images, candidates, ascent)  # all candidates, so that batches have one shape
+    repairs = repair(model, images, candidates, Ascent.of(r))  # all candidates, so that batches have one shape
     z, p = repairs.z[s.scene, s.start], repairs.p[s.scene, s.start]
     log_valid = by_model(model, images)
     ends, log_p = nearest(log_valid, s.scene, s.z, float(r.distance_penalty), r.lattice_side, r.refinements)

@@ -13,19 +13,7 @@ from tqdm import tqdm
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import SceneSet, train_pool, write_scenes
 from pipeline.launch import launch
-from pipeline.runtime.settings import (
-    Chance,
-    Count,
-    Distance,
-    Group,
-    Range,
-    Several,
-    ShareRange,
-    Size,
-    Spread,
-    Whole,
-    need,
-)
+from pipeline.runtime.settings import Count, Group, Several, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import lattice, random_z_theta
 from pipeline.world.catalogue import random_scenes, read_catalogue
@@ -36,26 +24,6 @@ from pipeline.world.rules import PAPER_P_VALID, clearance, slack
 CHUNK = 10  # scenes per batch of clearances, so that distances stay in the cache
 
 
-class Layout(Group):
-    items_per_scene: list[Whole]
-    glasses_chance: list[Chance]
-    centre_low: Chance  # [m], as is centre_high
-    centre_high: Chance
-    clear_of_ends: Distance
-    clear_of_items: Distance
-    scale_low: Size
-    scale_high: Size
-    slots: Count
-
-
-class Source(Group):
-    exposure: Range
-    white_balance: Spread
-    fall_off: ShareRange
-    vignette: ShareRange
-    noise: ShareRange
-
-
 class Settings(Group):
     root_seed: Whole
     per_seed: Count
@@ -64,8 +32,8 @@ class Settings(Group):
     calibration: Count
     calibration_paths: Count
     prior_side: Count
-    layout: Layout
-    source: Source
+    layout: LayoutRules
+    source: ImageSource
 
     @model_validator(mode="after")
     def _agrees(self) -> "Settings":

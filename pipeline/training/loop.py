@@ -2,13 +2,14 @@
 
 import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
+from pydantic import Field
 from torch import Tensor, nn
 from torch.func import stack_module_state
 from torch.optim import AdamW
@@ -16,6 +17,7 @@ from torch.optim.lr_scheduler import OneCycleLR
 
 from pipeline.models.base import ValidityModel, untrained
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.settings import Count, Group, Size, Weight
 
 MIN_OWN_DEMONSTRATIONS = 0.995  # share judged right that a converged model reaches
 Model = TypeVar("Model", bound=nn.Module)
@@ -24,20 +26,14 @@ Model = TypeVar("Model", bound=nn.Module)
 Losses = tuple[Tensor | None, Sequence[Tensor]]
 
 
-@dataclass(frozen=True)
-class Schedule:
+class Schedule(Group):
     """Length and speed of training (conf/train.yaml, conf/clearance.yaml; conf/irl.yaml extends it)."""
 
-    steps: int  # optimiser steps
-    rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
-    weight_decay: float
-    curve_every: int  # steps between two points of the learning curve
-    adam_beta2: float = field(default=0.999, kw_only=True)  # decay of AdamW's mean squared gradient
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "Schedule":
-        """Return the schedule in conf/train.yaml or conf/clearance.yaml."""
-        return cls(**{own.name: values[own.name] for own in fields(cls) if own.name in values})
+    steps: Count  # optimiser steps
+    rate: Size  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
+    weight_decay: Weight
+    curve_every: Count  # steps between two points of the learning curve
+    adam_beta2: Annotated[float, Field(ge=0, lt=1)] = 0.999  # decay of AdamW's mean squared gradient
 
     def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
         """Return AdamW for `parameters` and its learning-rate schedule; step both after each gradient."""

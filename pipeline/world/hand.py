@@ -4,14 +4,13 @@ A trajectory is an array (sample, 4) of t [s], x, y, z [m]. The height z carries
 demonstrations are made in a plane above the table (paper, Section "Dataset").
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
+from pipeline.runtime.settings import Distance, Group, Pair, Size, Spread
 from pipeline.world.bezier import curve
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, line_clearance, slack
@@ -19,26 +18,20 @@ from pipeline.world.rules import Margins, line_clearance, slack
 ARC_POINTS = 513  # points on the intended path for measuring its arc length
 
 
-@dataclass(frozen=True)
-class Hand:
+class Hand(Group):
     """Parameters of the simulated hand and of the arm's sampling (conf/demos.yaml)."""
 
-    rate_hz: float  # sampling rate
-    jitter_s: float  # standard deviation of the sampling times
-    speed_m_s: float  # median over movements of the mean speed along the path
-    speed_spread: float  # standard deviation over movements of the log of the mean speed
-    tremor_m: float  # root mean square tremor per coordinate
-    tremor_hz: tuple[float, float]  # frequency band of physiological tremor
-    drift_m: float  # standard deviation per coordinate of the slowest component of the deviation from the intended path
+    rate_hz: Size  # sampling rate
+    jitter_s: Spread  # standard deviation of the sampling times
+    speed_m_s: Size  # median over movements of the mean speed along the path
+    speed_spread: Spread  # standard deviation over movements of the log of the mean speed
+    tremor_m: Distance  # root mean square tremor per coordinate
+    tremor_hz: Pair  # frequency band of physiological tremor
+    drift_m: (
+        Distance  # standard deviation per coordinate of the slowest component of the deviation from the intended path
+    )
     height_m: float  # mean height of the hand above the table
-    height_drift_m: float  # standard deviation of the height's slow variation
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "Hand":
-        """Return the hand described by `demos.hand` of conf/."""
-        low, high = values["tremor_hz"]
-        numbers = {name: float(value) for name, value in values.items() if name != "tremor_hz"}
-        return cls(**numbers, tremor_hz=(float(low), float(high)))
+    height_drift_m: Distance  # standard deviation of the height's slow variation
 
 
 def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -> Float[Array, "sample 4"]:

@@ -14,7 +14,7 @@ RATES = {"gradient": 0.02, "adam": 0.05}
 
 
 def ascent(optimiser: str, steps: int = 60) -> Ascent:
-    return Ascent(steps, optimiser, RATES[optimiser])
+    return Ascent(steps=steps, optimiser=optimiser, rate=RATES[optimiser])
 
 
 @pytest.mark.parametrize("optimiser", RATES)

@@ -14,7 +14,8 @@ from pipeline.report.derived import DISTANCE_LABELS, NOTHING, by_slice
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_2, DrawnScenes, Results
 from pipeline.stages.report import DECISIONS, HISTORY
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
+from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
+from tests.factories import RULES
 
 DATA = Path("data")
 catalogue_of = cache(read_catalogue)
@@ -36,7 +37,6 @@ FACTS = {
     "effect_scenes": SCENES, "repair_steps": STEPS, "optimiser": "adam", "repair_rate": 0.5, "distance_penalty": 0.3,
     "weights": {"alpha": 10.0, "beta": 0.005, "gamma": 1.0}, "train": TRAIN,
 }  # fmt: skip
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.4, 0.2), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 
 
 def grid(**keys: Iterable) -> pd.DataFrame:

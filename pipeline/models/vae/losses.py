@@ -4,7 +4,6 @@ This is its definition, which the autograd engine differentiates. Tests hold the
 the simd engine (training/vae/engines/simd.py `Stack`) against it.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -13,15 +12,15 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from pipeline.models.vae.beta_vae import BetaVae
+from pipeline.runtime.settings import Group, Size, Weight
 
 
-@dataclass(frozen=True)
-class Weights:
+class Weights(Group):
     """The weights alpha, beta and gamma of Eq. 1; with alpha or beta 0 the term is not computed."""
 
-    alpha: float
-    beta: float
-    gamma: float
+    alpha: Weight
+    beta: Weight
+    gamma: Size  # at 0 the classifier is never trained
 
 
 class Terms(NamedTuple):

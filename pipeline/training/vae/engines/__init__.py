@@ -53,9 +53,8 @@ def engine(name: str) -> Engine:
 
 def trainer(variant: Mapping[str, Any], train: Mapping[str, Any]) -> loop.Trainer:
     """Return how a variant of the paper's model (conf/variants) is fitted with the settings of conf/train.yaml."""
-    weights = Weights(*(float(variant[name]) for name in ("alpha", "beta", "gamma")))
     _, fit, batch_size = engine(train["engine"])
-    fit = partial(fit, weights=weights, schedule=loop.Schedule.of(train))
+    fit = partial(fit, weights=Weights.of(variant), schedule=loop.Schedule.of(train))
     return loop.Trainer(BetaVae, fit, CURVE, batch_size)
 
 
