@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from torch import Tensor
 
-from pipeline.models.base import ValidityModel, to_tensor
+from pipeline.models.base import Images, ValidityModel, to_tensor
 from pipeline.world.bezier import Z_HIGH, Z_LOW, lattice
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, clearance, slack, valid
@@ -18,6 +18,7 @@ REFINED_STEPS = 1.5  # half-width of a finer lattice around the best z, in steps
 REFINEMENT = 4  # factor by which each refinement divides the step
 SLACK_CAP_M = 0.1  # slack counts up to this value when ties of the constant detour are broken
 
+Points = Float[Array, "start 2"]  # z_theta [m]
 LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]
 """log P(valid) of paths [m] in the scene of that number."""
 
@@ -25,11 +26,11 @@ LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]
 def nearest(
     log_valid: LogValid,
     scenes: Int[Array, " start"],
-    starts: Float[Array, "start 2"],
+    starts: Points,
     distance_penalty: float,
     side: int,
     refinements: int,
-) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
+) -> tuple[Points, Float[Array, " start"]]:
     """Return for each start the z_theta [m] with the highest log P(valid) - distance_penalty * distance, and its log P.
 
     `scenes` holds the scene index of each start. All starts of a scene share a lattice of `side` x `side` z_theta; each
@@ -69,7 +70,7 @@ def nearest(
 
 
 @torch.no_grad()
-def by_model(model: ValidityModel, images: UInt8[Array, "scene 100 100 3"]) -> LogValid:
+def by_model(model: ValidityModel, images: Images) -> LogValid:
     """Return a model's log P(valid) in these scenes; the model perceives each scene once."""
     return by_percept(model, model.eval().perceive(to_tensor(images)))
 

@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from numpy import ndarray as Array
 from torch import Tensor
 
-from pipeline.models.base import ValidityModel, to_tensor
+from pipeline.models.base import Images, ValidityModel, to_tensor
 from pipeline.runtime.roots import square_root
 from pipeline.runtime.settings import Count, Group, Size
 from pipeline.world.bezier import Z_HIGH, Z_LOW
@@ -37,9 +37,7 @@ class Repairs:
     p: Float[Array, "scene start point"]  # P(valid) by the model at these points, float32
 
 
-def repair(
-    model: ValidityModel, images: UInt8[Array, "scene 100 100 3"], starts: Float[Array, "scene start 2"], ascent: Ascent
-) -> Repairs:
+def repair(model: ValidityModel, images: Images, starts: Float[Array, "scene start 2"], ascent: Ascent) -> Repairs:
     """Take `ascent.steps` steps from each start [m] along Delta = d log-odds(v = 1) / d z_theta; return all points.
 
     The paper's Delta (Section "Problem Formulation") is the gradient of C_s. The gradient of the log-odds has the same

@@ -11,8 +11,12 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from pipeline.models.base import LogOdds, Paths
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.runtime.settings import Group, Size, Weight
+
+Pictures, Labels = Float[Tensor, "scene 3 row column"], Bool[Tensor, "scene path"] | Float[Tensor, "scene path"]
+Share = Float[Tensor, " path"] | None
 
 
 class Weights(Group):
@@ -36,9 +40,7 @@ class Terms(NamedTuple):
         return self.reconstruction + self.kl + self.classification
 
 
-def reconstruction(
-    decoded: Float[Tensor, "scene 3 row column"], images: Float[Tensor, "scene 3 row column"]
-) -> Float[Tensor, ""]:
+def reconstruction(decoded: Pictures, images: Pictures) -> Float[Tensor, ""]:
     """Return -log p(I | z_image) of a Gaussian decoder up to scale: the mean squared error over all entries."""
     return F.mse_loss(decoded, images)
 
@@ -48,11 +50,7 @@ def kl(mean: Float[Tensor, "scene latent"], log_variance: Float[Tensor, "scene l
     return 0.5 * (mean.square() + log_variance.exp() - log_variance - 1).sum(-1).mean()
 
 
-def classification(
-    logits: Float[Tensor, "scene path"],
-    valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
-    share: Float[Tensor, " path"] | None = None,
-) -> Float[Tensor, ""]:
+def classification(logits: LogOdds, valid: Labels, share: Share = None) -> Float[Tensor, ""]:
     """Return the binary cross-entropy of validity [nat]: mean over paths, or weighted by their `share`."""
     if share is None:
         return F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype))
@@ -62,12 +60,12 @@ def classification(
 
 def equation_1(
     model: BetaVae,
-    images: Float[Tensor, "scene 3 row column"],
-    z_theta: Float[Tensor, "scene path 2"],
-    valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
+    images: Pictures,
+    z_theta: Paths,
+    valid: Labels,
     weights: Weights,
     noise: Float[Tensor, "scene latent"],
-    share: Float[Tensor, " path"] | None = None,
+    share: Share = None,
 ) -> Terms:
     """Return the terms of Eq. 1 on labelled paths; each scene is encoded once for all its paths.
 
