@@ -36,8 +36,6 @@ MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correctio
 
 
 class Comparison(Group):
-    """A family of paired tests: one variant against others."""
-
     family: str
     variant: str
     against: Some
@@ -75,15 +73,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     truth = _truth(cfg)
     parts = [_predictions(cfg, variant, truth) for variant in tqdm(list(cfg.variants), desc="predictions")]
     predictions = pd.concat([*parts, *_baselines(cfg, truth)], ignore_index=True)
-    rows = []
-    for key, group in predictions.groupby(["variant", *MODEL], observed=True, sort=False):
-        rows.append(dict(zip(["variant", *MODEL], key, strict=True)) | _scores(group, cfg.evaluate.bins))
-    accuracies = pd.DataFrame(rows)
+    groups, bins = predictions.groupby(["variant", *MODEL], observed=True, sort=False), cfg.evaluate.bins
+    accuracies = pd.DataFrame(dict(zip(["variant", *MODEL], key, strict=True)) | _scores(x, bins) for key, x in groups)
     judged = predictions[predictions["user"].isin(cfg.evaluate.users)]
     scored = accuracies[accuracies["user"].isin(cfg.evaluate.users)]
     by_seed = scored.groupby(["variant", "split", "n_demos", "seed"], sort=False)["accuracy"].mean().unstack(sort=False)
     summary, convergence = _summary(cfg, by_seed, judged), _convergence(cfg)
-    calibration, scores = _calibration(judged[judged["n_demos"] == cfg.main_n_demos], cfg.evaluate.bins)
+    calibration, scores = _calibration(judged[judged["n_demos"] == cfg.main_n_demos], bins)
     write_table(out_dir / "accuracy.parquet", accuracies)
     write_table(out_dir / "accuracy.csv", summary)
     write_table(out_dir / "calibration.csv", calibration)
@@ -178,8 +174,8 @@ def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.Data
         by_seed = pd.DataFrame([_scores(part, bins) for _, part in group.groupby("seed")])
         row = {"variant": variant, "split": split}
         for name in ("ece", "brier", "bias", "auroc"):
-            row |= {name: scores[name]}
-            row |= {f"{name}_q1": by_seed[name].quantile(0.25), f"{name}_q3": by_seed[name].quantile(0.75)}
+            q1, q3 = by_seed[name].quantile([0.25, 0.75])
+            row |= {name: scores[name], f"{name}_q1": q1, f"{name}_q3": q3}
         rows.append(row)
     columns = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
     return pd.concat(tables, ignore_index=True)[columns], pd.DataFrame(rows)

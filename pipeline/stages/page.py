@@ -58,15 +58,11 @@ def render(study: Study, folder: Path) -> Site:
 
     Raise InputError or ValueError if it uses a number that is missing or not finite.
     """
-    names = {"home": HOME, "r": study} | {
-        name: getattr(study, name) for name in ("facts", "settings", "value", "values")
-    }
-    names |= {"question": study.settings["question"], "variants": study.variants, "n": study.main_n_demos}
+    names = {name: getattr(study, name) for name in ("facts", "settings", "value", "values", "variants")}
+    names |= {"home": HOME, "r": study, "question": study.settings["question"], "n": study.main_n_demos}
     made, site = environment([folder], pages={"index": "Overview"}, **names), Site()
-    parts = {
-        name: f"studies.{study.name}.{name}" for name in ("figures", "tables") if (folder / f"{name}.py").is_file()
-    }
-    modules = {name: importlib.import_module(module) for name, module in parts.items()}
+    parts = [name for name in ("figures", "tables") if (folder / f"{name}.py").is_file()]
+    modules = {name: importlib.import_module(f"studies.{study.name}.{name}") for name in parts}
     made.globals["tables"] = modules.get("tables")
     render_page("study", "page.html.j2", modules.get("figures"), study, made, site)
     return replace(site, pages={"index": site.pages["study"]}, read={"index": site.read.get("study", {})})

@@ -102,9 +102,7 @@ def _p_valid(cfg: DictConfig, worlds: dict[str, Layouts], z: Float[Array, "scene
     return table.sort_values("user", kind="stable", key=lambda users: users.map(list(cfg.users).index))
 
 
-def _count_valid(
-    cfg: DictConfig, layouts: Layouts, z: Float[Array, "scene path 2"], desc: str
-) -> dict[str, Int[Array, " path"]]:
+def _count_valid(cfg: DictConfig, layouts: Layouts, z: Array, desc: str) -> dict[str, Int[Array, " path"]]:
     """Return by user, for each column of `z`, the number of scenes in which that path [m] is truly valid."""
     counts = {user: np.zeros(z.shape[1], dtype=int) for user in cfg.users}
     for first in tqdm(range(0, len(layouts), CHUNK), desc=desc, leave=False):
