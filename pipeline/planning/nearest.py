@@ -18,19 +18,14 @@ REFINED_STEPS = 1.5  # half-width of a finer lattice around the best z, in steps
 REFINEMENT = 4  # factor by which each refinement divides the step
 SLACK_CAP_M = 0.1  # slack counts up to this value when ties of the constant detour are broken
 
-Points = Float[Array, "start 2"]  # z_theta [m]
+Z = Float[Array, "start 2"]  # z_theta [m]
 LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]
 """log P(valid) of paths [m] in the scene of that number."""
 
 
 def nearest(
-    log_valid: LogValid,
-    scenes: Int[Array, " start"],
-    starts: Points,
-    distance_penalty: float,
-    side: int,
-    refinements: int,
-) -> tuple[Points, Float[Array, " start"]]:
+    log_valid: LogValid, scenes: Int[Array, " start"], starts: Z, distance_penalty: float, side: int, refinements: int
+) -> tuple[Z, Float[Array, " start"]]:
     """Return for each start the z_theta [m] with the highest log P(valid) - distance_penalty * distance, and its log P.
 
     `scenes` holds the scene index of each start. All starts of a scene share a lattice of `side` x `side` z_theta; each

@@ -92,15 +92,8 @@ def execute(
     speed = np.abs(np.diff(q, axis=1)) * (instants - 1) / duration[:, None, None]
     share = (speed / arm.model.velocityLimit).max((1, 2))
     named = np.select([status > 0, share > 1, off()], [status, 4, 5], 0)
-    results = pd.DataFrame(
-        {
-            "duration_s": duration,
-            "error_mean_m": error.mean(1),
-            "error_max_m": error.max(1),
-            "speed_share": share,
-            "failure": np.array(FAILURES)[named],
-        }
-    )
+    results = pd.DataFrame({"duration_s": duration, "error_mean_m": error.mean(1), "error_max_m": error.max(1)})
+    results = results.assign(speed_share=share, failure=np.array(FAILURES)[named])
     ahead = bench.base.rotation @ rotation[..., :, 0, None]
     chain = bench.to_table(places)
     return Motion(q, chain, chain[..., -1, :], np.arctan2(ahead[..., 1, 0], ahead[..., 0, 0]), results)

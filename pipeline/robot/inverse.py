@@ -105,9 +105,8 @@ class Solver:
             here = self.configuration.get_transform_frame_to_world(GRIP)
             upright = pin.Quaternion.FromTwoVectors(here.rotation[:, 2], np.array([0.0, 0.0, 1.0])).matrix()
             self.grip.set_target(pin.SE3(upright @ here.rotation, target))
-            step = pink.solve_ik(
-                self.configuration, [self.grip, self.posture], 1.0, "daqp", damping=1e-8, limits=self.limits
-            )
+            tasks = [self.grip, self.posture]
+            step = pink.solve_ik(self.configuration, tasks, 1.0, "daqp", damping=1e-8, limits=self.limits)
             self.configuration.integrate_inplace(step, 1.0)
             if np.abs(step).max() < SOLVED:
                 break

@@ -85,11 +85,8 @@ def mean_squares(effects: Effects) -> tuple[Means, Means, Means]:
     mean = effects.mean((-2, -1), keepdims=True)
     by_seed, by_scene = effects.mean(-1, keepdims=True) - mean, effects.mean(-2, keepdims=True) - mean
     rest = effects - mean - by_seed - by_scene
-    return (
-        scenes * (by_seed**2).sum((-2, -1)) / f_seed,
-        seeds * (by_scene**2).sum((-2, -1)) / f_scene,
-        (rest**2).sum((-2, -1)) / f_rest,
-    )
+    of_seeds, of_scenes, of_rest = ((part**2).sum((-2, -1)) for part in (by_seed, by_scene, rest))
+    return scenes * of_seeds / f_seed, seeds * of_scenes / f_scene, of_rest / f_rest
 
 
 def crossed_error(effects: Effects) -> tuple[Means, Means]:
@@ -102,11 +99,8 @@ def crossed_error(effects: Effects) -> tuple[Means, Means]:
     seeds, scenes = effects.shape[-2:]
     by_seed, by_scene, rest = mean_squares(effects)
     seeds_vary, scenes_vary = by_seed > rest, by_scene > rest
-    terms = (
-        np.where(seeds_vary, by_seed, 0.0),
-        np.where(scenes_vary, by_scene, 0.0),
-        np.where(seeds_vary & scenes_vary, -rest, np.where(seeds_vary | scenes_vary, 0.0, rest)),
-    )
+    of_rest = np.where(seeds_vary & scenes_vary, -rest, np.where(seeds_vary | scenes_vary, 0.0, rest))
+    terms = np.where(seeds_vary, by_seed, 0.0), np.where(scenes_vary, by_scene, 0.0), of_rest
     total = np.sum(terms, axis=0)
     freedoms = _degrees_of_freedom(seeds, scenes)
     spread = np.sum([term**2 / f for term, f in zip(terms, freedoms, strict=True)], axis=0)

@@ -64,9 +64,7 @@ def _tremor(rng: np.random.Generator, t: Float[Array, " sample"], axes: int, han
     return hand.tremor_m * (weight * waves).sum(1)
 
 
-def _drift(
-    rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float, axes: int, tied: bool
-) -> Float[Array, "sample axis"]:
+def _drift(rng: np.random.Generator, tau: Array, size_m: float, axes: int, tied: bool) -> Float[Array, "sample axis"]:
     """Draw a slow deviation [m]: three half-waves with amplitudes ~ 1/k, zero at both ends if `tied`."""
     k = np.arange(1, 4)
     weight = size_m * rng.standard_normal((3, axes)) / k[:, None]

@@ -162,13 +162,11 @@ def random_layouts(
             symbols = np.concatenate([np.full(glasses, glass), others]).astype(int)
             if all(_place(rng, layouts, scene, slot, int(s), items, pool, rules) for slot, s in enumerate(symbols)):
                 break
-            layouts.symbol[scene] = EMPTY
-            layouts.item[scene] = EMPTY
+            layouts.symbol[scene] = layouts.item[scene] = EMPTY
         else:
-            raise InputError(
-                f"no room for {' or '.join(map(str, rules.items_per_scene))} items in {MAX_TRIES} tries: lower "
-                "scenes.layout.clear_of_ends or clear_of_items, or ask for fewer items"
-            )
+            found = f"no room for {' or '.join(map(str, rules.items_per_scene))} items in {MAX_TRIES} tries"
+            fewer = "lower scenes.layout.clear_of_ends or clear_of_items, or ask for fewer items"
+            raise InputError(f"{found}: {fewer}")
     return layouts
 
 
@@ -189,17 +187,7 @@ def add_item(
     return added
 
 
-def _place(
-    rng: np.random.Generator,
-    layouts: Layouts,
-    scene: int,
-    slot: int,
-    symbol: int,
-    items: Items,
-    pool: Int[Array, " pool"],
-    rules: LayoutRules,
-    tries: int = 50,
-) -> bool:
+def _place(rng, layouts, scene, slot, symbol, items, pool, rules: LayoutRules, tries: int = 50) -> bool:
     """Place a random item of `symbol` in `slot`, clear of path ends and other items; return False on failure."""
     choices = pool[items.symbol[pool] == symbol]
     if len(choices) == 0:
@@ -234,8 +222,6 @@ def allowed(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) ->
     others[index] = False
     gaps = segment_distance(segment[:, None], layouts.ends) - layouts.radius - radius[:, None]
     from_ends = [point_segment_distance(p, segment[:, 0], segment[:, 1]) - radius for p in (P_INIT, P_F)]
-    return (
-        ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all(-1)
-        & (np.where(others, gaps, np.inf).min(-1) >= rules.clear_of_items)
-        & (np.min(from_ends, axis=0) >= rules.clear_of_ends)
-    )
+    clear = np.where(others, gaps, np.inf).min(-1) >= rules.clear_of_items
+    clear &= np.min(from_ends, axis=0) >= rules.clear_of_ends
+    return clear & ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all(-1)

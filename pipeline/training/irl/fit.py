@@ -144,13 +144,11 @@ def logistic(advantage: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> t
     mean, spread = x.mean(), max(x.std(), 1e-9)
     design = np.stack([(x - mean) / spread, np.ones_like(x)])  # (2, demo)
 
-    def gradient(w: Array) -> Array:
-        return design @ (expit(w @ design) - target) / len(x)
-
     def hessian(w: Array) -> Array:
         p = expit(w @ design)
         return (design * (p * (1 - p))) @ design.T / len(x)
 
-    w = root(gradient, np.zeros(2), jac=hessian, tol=1e-12).x  # the likelihood is concave: one stationary point
+    # the likelihood is concave: its gradient has one root
+    w = root(lambda w: design @ (expit(w @ design) - target) / len(x), np.zeros(2), jac=hessian, tol=1e-12).x
     scale = max(w[0], 0.0) / spread
     return scale, float(w[1] - scale * mean) if w[0] > 0 else float(np.log(target.mean() / (1 - target.mean())))
