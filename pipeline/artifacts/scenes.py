@@ -60,10 +60,9 @@ def read_scenes(directory: Path) -> SceneSet:
     if set(by_pool) != set(images) or set(appearances) != set(images):
         raise InputError(f"{directory}: images, layouts and appearance name different pools; rerun stage scenes")
     for pool, array in images.items():
-        if array.dtype != np.uint8 or array.shape[1:] != (100, 100, 3) or len(array) != len(appearances[pool]):
-            found = (
-                f"{directory}: pool {pool} holds {array.dtype} images {array.shape}, {len(appearances[pool])} scenes"
-            )
+        count = len(appearances[pool])
+        if array.dtype != np.uint8 or array.shape[1:] != (100, 100, 3) or len(array) != count:
+            found = f"{directory}: pool {pool} holds {array.dtype} images {array.shape}, {count} scenes"
             raise InputError(f"{found}; expected uint8 (scene, 100, 100, 3); run its stage again")
     # One slot more than any scene uses leaves room for an added item.
     layouts = {pool: padded_layouts(by_pool[pool], len(images[pool]), slots + 1) for pool in images}

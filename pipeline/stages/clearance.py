@@ -19,8 +19,6 @@ class Members(Group):
 
 
 class Variant(VariantSettings):
-    """A variant of the clearance model."""
-
     stage: Literal["clearance"]
     kind: Literal["clearance"]
     model: Members

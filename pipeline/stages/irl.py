@@ -13,8 +13,6 @@ from pipeline.training.irl.fit import IrlSchedule, trainer
 
 
 class Steps(Group):
-    """Steps of AdamW by objective."""
-
     maxent: Count
     ranked: Count
 
@@ -32,8 +30,6 @@ class RewardModel(Group):
 
 
 class Variant(VariantSettings):
-    """A variant of the inverse reinforcement learning baseline."""
-
     stage: Literal["irl"]
     kind: Literal["reward"]
     objective: Literal["maxent", "ranked"]

@@ -177,20 +177,14 @@ def _true_map(cfg: DictConfig, user: str, layouts: Layouts, side: int) -> np.nda
 
 def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:
     """Return the settings that pages print."""
-    paper = cfg.variants.get("full")
-    return provenance(cfg) | {
-        "patterned_top": cfg.report.patterned_top,
-        "studies": {name: study.question for name, study in cfg.studies.items()},
-        "scenes_per_seed": cfg.scenes.per_seed,
-        "test_scenes": len(scenes.images[cfg.protocol.splits[cfg.repair.split]]),
-        "effect_scenes": len(scenes.images[cfg.protocol.splits[cfg.intervene.split]]) + cfg.intervene.more_scenes,
-        "repair_steps": cfg.repair.steps,
-        "optimiser": cfg.repair.optimiser,
-        "repair_rate": cfg.repair.rate,
-        "distance_penalty": cfg.repair.distance_penalty,
-        "train": cfg.train,
-        "weights": None if paper is None else {name: paper[name] for name in ("alpha", "beta", "gamma")},
-    }
+    paper, repair, splits = cfg.variants.get("full"), cfg.repair, cfg.protocol.splits
+    facts = {"patterned_top": cfg.report.patterned_top, "train": cfg.train, "scenes_per_seed": cfg.scenes.per_seed}
+    facts |= {"repair_steps": repair.steps, "repair_rate": repair.rate, "optimiser": repair.optimiser}
+    facts |= {"distance_penalty": repair.distance_penalty, "test_scenes": len(scenes.images[splits[repair.split]])}
+    facts["effect_scenes"] = len(scenes.images[splits[cfg.intervene.split]]) + cfg.intervene.more_scenes
+    facts["studies"] = {name: study.question for name, study in cfg.studies.items()}
+    facts["weights"] = None if paper is None else {name: paper[name] for name in ("alpha", "beta", "gamma")}
+    return provenance(cfg) | facts
 
 
 if __name__ == "__main__":

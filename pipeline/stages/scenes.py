@@ -55,12 +55,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     rules = LayoutRules.of(cfg.scenes.layout)
     palette = Palette(catalogue, ImageSource.of(cfg.scenes.source))
     pools = {train_pool(seed): (cfg.scenes.per_seed, "train") for seed in [*cfg.seeds, *cfg.validation_seeds]}
-    pools |= {
-        "new_scenes": (cfg.scenes.shared, "train"),
-        "new_items": (cfg.scenes.shared, "unseen"),
-        "val_scenes": (cfg.scenes.validation, "train"),
-        "val_items": (cfg.scenes.validation, "validation"),
-    }
+    shared, validation = cfg.scenes.shared, cfg.scenes.validation
+    pools |= {"new_scenes": (shared, "train"), "new_items": (shared, "unseen")}
+    pools |= {"val_scenes": (validation, "train"), "val_items": (validation, "validation")}
     images, layouts, appearances = {}, {}, {}
     for pool, (count, split) in tqdm(pools.items(), desc="scenes"):
         layouts[pool], appearances[pool] = random_scenes(_generator(cfg, pool), count, catalogue, split, rules)

@@ -26,8 +26,6 @@ class Settings(Schedule):
 
 
 class Variant(VariantSettings, Weights):
-    """A variant of the paper's model."""
-
     stage: Literal["train"]
     kind: Literal["vae"]
     model: VaeModel

@@ -35,12 +35,6 @@ class Schedule(Group):
     curve_every: Count  # steps between two points of the learning curve
     adam_beta2: Annotated[float, Field(ge=0, lt=1)] = 0.999  # decay of AdamW's mean squared gradient
 
-    def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
-        """Return AdamW for `parameters` and its learning-rate schedule; step both after each gradient."""
-        betas = 0.9, self.adam_beta2
-        optimiser = AdamW(parameters, lr=self.rate, betas=betas, weight_decay=self.weight_decay, fused=True)
-        return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
-
 
 class Checkpoints:
     """Copies of models' weights before selected steps of their training."""
@@ -63,17 +57,16 @@ class Checkpoints:
 
 
 def minimise(
-    loss: Callable[[], Losses | None],
-    parameters: Iterable[Tensor],
-    schedule: Schedule,
-    before_step: Callable[[int], object] = lambda step: None,
+    loss: Callable[[], Any], parameters: Iterable[Tensor], schedule: Schedule, before_step: Callable = lambda _: None
 ) -> Float[Array, "point column *model"]:
     """Minimise `loss` over `parameters` in `schedule.steps` steps; return the learning curve.
 
     A curve point is (step, *losses) before that step's update, every `curve_every` steps and at the last one. If `loss`
     returns None, the step changes no parameter and adds no point. `before_step` is called with each step's number.
     """
-    optimiser, learning_rate = schedule.optimiser(parameters)
+    rate, betas = schedule.rate, (0.9, schedule.adam_beta2)
+    optimiser = AdamW(parameters, lr=rate, betas=betas, weight_decay=schedule.weight_decay, fused=True)
+    learning_rate = OneCycleLR(optimiser, rate, total_steps=schedule.steps)
     points: list[Array] = []
     for step in range(schedule.steps):
         before_step(step)
@@ -130,18 +123,10 @@ def rule_of_succession(valid: Bool[Array, "*demo"]) -> float:
     return (int(valid.sum()) + 1) / (valid.size + 2)
 
 
-def fit_varied(
-    descend: Callable[..., list[Array]],
-    set_constant: Callable[[Any, float], Sequence[float]],
-    models: Sequence[ValidityModel],
-    images: Sequence[UInt8[Array, "scene 100 100 3"]],
-    z_theta: Sequence[Float[Array, "scene _ 2"]],
-    valid: Sequence[Bool[Array, "scene _"]],
-    seeds: Sequence[int],
-    checkpoints: Checkpoints | None = None,
-) -> list[Float[Array, "point column"]]:
-    """Train models in place, each on its demonstrations [m], by one call of `descend`; return their learning curves.
+def fit_varied(descend, set_constant, models, images, z_theta, valid, seeds, checkpoints=None) -> list[Array]:
+    """Train models in place, each on its demonstrations, by one call of `descend`; return curves (point, column).
 
+    images, z_theta and valid of each model: as of a `TrainingSet`, with its own number of demonstrations a scene.
     A model with equal labels stays untrained: `set_constant`(model, P) makes it answer Laplace's P(valid) for every
     path, and returns the losses in its curve's only point. `checkpoints` keeps the others' weights on the way.
     """

@@ -27,9 +27,7 @@ class Hand(Group):
     speed_spread: Spread  # standard deviation over movements of the log of the mean speed
     tremor_m: Distance  # root mean square tremor per coordinate
     tremor_hz: Pair  # frequency band of physiological tremor
-    drift_m: (
-        Distance  # standard deviation per coordinate of the slowest component of the deviation from the intended path
-    )
+    drift_m: Distance  # standard deviation per coordinate of the slowest deviation from the intended path
     height_m: float  # mean height of the hand above the table
     height_drift_m: Distance  # standard deviation of the height's slow variation
 
@@ -78,12 +76,6 @@ def join(trajectories: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "tot
     return np.concatenate(trajectories) if len(trajectories) else np.empty((0, 4)), offsets
 
 
-def polylines(samples: Float[Array, "total 4"], offsets: Int[Array, " bound"]) -> Float[Array, "trajectory point 2"]:
-    """Return the trajectories as polylines [m]; shorter ones repeat their last point."""
-    place = np.minimum(np.arange(np.diff(offsets).max()), np.diff(offsets)[:, None] - 1)  # (trajectory, point)
-    return samples[offsets[:-1, None] + place, 1:3]
-
-
 def valid_trajectories(
     layouts: Layouts, samples: Float[Array, "total 4"], offsets: Int[Array, " bound"], margins: Margins
 ) -> Bool[Array, "scene demo"]:
@@ -91,6 +83,7 @@ def valid_trajectories(
 
     Trajectories are ordered by scene, with the same number per scene.
     """
-    lines = polylines(samples, offsets)
-    lines = lines.reshape(len(layouts), -1, *lines.shape[1:])  # (scene, demo, point, 2)
+    counts = np.diff(offsets)
+    place = np.minimum(np.arange(counts.max()), counts[:, None] - 1)  # shorter ones repeat their last point
+    lines = samples[offsets[:-1, None] + place, 1:3].reshape(len(layouts), -1, place.shape[1], 2)
     return slack(layouts, line_clearance(layouts, lines), margins) > 0

@@ -23,15 +23,6 @@ PAPER_P_VALID = {  # Table 2 of the paper, to which the users' margins are calib
 SAMPLES = 129  # points along a path; with `_smallest_distance`, clearances above 3 cm are exact within 0.4 mm
 
 
-def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]) -> Clearances:
-    """Return the clearance [m] of smooth paths (evenly timed points) from each footprint; inf in empty slots."""
-
-    def away(ends: Float[Array, "scene 1 1 2 2"]) -> Float[Array, "scene path"]:
-        return _smallest_distance(point_segment_distance(points, ends[..., 0, :], ends[..., 1, :]))
-
-    return _clearances(layouts, away)
-
-
 def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) -> Clearances:
     """Return the clearance [m] of polylines, with points at any spacing, from each footprint; inf in empty slots."""
     pieces = np.stack([lines[:, :, :-1], lines[:, :, 1:]], axis=-2)  # (scene, path, piece, end, 2)
@@ -62,7 +53,12 @@ def _smallest_distance(distance: Float[Array, "*path point"]) -> Float[Array, "*
 
 def clearance(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Clearances:
     """Return the clearance [m] of each Bezier path from each footprint: negative inside, inf in empty slots."""
-    return point_clearance(layouts, curve(z_theta, SAMPLES))
+    points = curve(z_theta, SAMPLES)
+
+    def away(ends: Float[Array, "scene 1 1 2 2"]) -> Float[Array, "scene path"]:
+        return _smallest_distance(point_segment_distance(points, ends[..., 0, :], ends[..., 1, :]))
+
+    return _clearances(layouts, away)
 
 
 def slack(layouts: Layouts, clearances: Clearances, margins: Margins) -> Float[Array, "scene path"]:

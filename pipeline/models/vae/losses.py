@@ -16,7 +16,7 @@ from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.runtime.settings import Group, Size, Weight
 
 Pictures, Labels = Float[Tensor, "scene 3 row column"], Bool[Tensor, "scene path"] | Float[Tensor, "scene path"]
-Share = Float[Tensor, " path"] | None
+Codes, Share = Float[Tensor, "scene latent"], Float[Tensor, " path"] | None
 
 
 class Weights(Group):
@@ -45,7 +45,7 @@ def reconstruction(decoded: Pictures, images: Pictures) -> Float[Tensor, ""]:
     return F.mse_loss(decoded, images)
 
 
-def kl(mean: Float[Tensor, "scene latent"], log_variance: Float[Tensor, "scene latent"]) -> Float[Tensor, ""]:
+def kl(mean: Codes, log_variance: Codes) -> Float[Tensor, ""]:
     """Return KL(q(z_image | I) || N(0, 1)) [nat]: summed over latent dimensions, averaged over scenes."""
     return 0.5 * (mean.square() + log_variance.exp() - log_variance - 1).sum(-1).mean()
 
@@ -59,13 +59,7 @@ def classification(logits: LogOdds, valid: Labels, share: Share = None) -> Float
 
 
 def equation_1(
-    model: BetaVae,
-    images: Pictures,
-    z_theta: Paths,
-    valid: Labels,
-    weights: Weights,
-    noise: Float[Tensor, "scene latent"],
-    share: Share = None,
+    model: BetaVae, images: Pictures, z_theta: Paths, valid: Labels, weights: Weights, noise: Codes, share: Share = None
 ) -> Terms:
     """Return the terms of Eq. 1 on labelled paths; each scene is encoded once for all its paths.
 
