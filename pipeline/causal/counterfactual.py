@@ -117,10 +117,9 @@ def baselines(
     random_item: any item of the scene. nearest_item: the item with the smallest clearance [m].
     """
     caused = cause != NO_SINGLE_CAUSE
-    return {
-        "random_item": caused / np.maximum(present.sum(-1, keepdims=True), 1),
-        "nearest_item": (caused & (cause == clearances.argmin(-1))).astype(float),
-    }
+    random = caused / np.maximum(present.sum(-1, keepdims=True), 1)
+    nearest = (caused & (cause == clearances.argmin(-1))).astype(float)
+    return {"random_item": random, "nearest_item": nearest}
 
 
 def score_attributions(model: Removals, truth: Removals, chances: Mapping[str, Array]) -> dict[str, float]:

@@ -139,12 +139,9 @@ def bold_rows(source: str, changes: Sequence[tuple[str, str]], baseline: Effects
 
 def paper_rows(users: Sequence[str], symbols: Sequence[str]) -> pd.DataFrame:
     """Return the paper's block as printed, of those users and symbols that it has, with BOLD_COLUMNS."""
-    rows = [
-        {"source": PAPER, "user": user, "change": change, "mean": mean, "bold": (user, change) in PAPER_BOLD}
-        for user, means in PAPER_P_VALID.items()
-        for change, mean in means.items()
-        if user in users and change in (NONE, *symbols)
-    ]
+    known = NONE, *symbols
+    cells = [(u, c, m) for u in PAPER_P_VALID if u in users for c, m in PAPER_P_VALID[u].items() if c in known]
+    rows = [{"source": PAPER, "user": u, "change": c, "mean": m, "bold": (u, c) in PAPER_BOLD} for u, c, m in cells]
     return pd.DataFrame(rows, columns=BOLD_COLUMNS).assign(beyond=False)
 
 

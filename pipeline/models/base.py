@@ -44,10 +44,8 @@ def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
         raise InputError(f"{name} has NaN or infinite values: drop those paths")
     furthest = float(z_theta.flat[np.abs(z_theta - 0.5).argmax()]) if z_theta.size else 0.0
     if not Z_RANGE_M[0] <= furthest <= Z_RANGE_M[1]:
-        raise InputError(
-            f"{name} reaches {furthest:.3g}: expected metres as a rule within [{Z_LOW}, {Z_HIGH}], at most "
-            f"{Z_RANGE_M[0]} to {Z_RANGE_M[1]}; 100 pixels are one metre"
-        )
+        most = f"at most {Z_RANGE_M[0]} to {Z_RANGE_M[1]}; 100 pixels are one metre"
+        raise InputError(f"{name} reaches {furthest:.3g}: expected metres as a rule within [{Z_LOW}, {Z_HIGH}], {most}")
 
 
 def to_tensor(images: Images) -> Pixels:

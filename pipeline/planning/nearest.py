@@ -19,8 +19,7 @@ REFINEMENT = 4  # factor by which each refinement divides the step
 SLACK_CAP_M = 0.1  # slack counts up to this value when ties of the constant detour are broken
 
 Z = Float[Array, "start 2"]  # z_theta [m]
-LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]
-"""log P(valid) of paths [m] in the scene of that number."""
+LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]  # log P(valid) of paths [m] in that scene
 
 
 def nearest(
@@ -81,11 +80,6 @@ def by_percept(model: ValidityModel, percept: Tensor) -> LogValid:
     return log_valid
 
 
-def by_truth(layouts: Layouts, margins: Margins) -> LogValid:
-    """Return a user's true rule in these scenes as log P(valid): 0 for valid paths, -inf for invalid ones."""
-    return lambda scene, z: np.where(valid(layouts[scene : scene + 1], z[None], margins)[0], 0.0, -np.inf)
-
-
 def nearest_valid(
     layouts: Layouts, z_theta: Float[Array, "scene start 2"], margins: Margins, side: int, refinements: int
 ) -> Float[Array, "scene start 2"]:
@@ -95,7 +89,11 @@ def nearest_valid(
     """
     scenes = np.repeat(np.arange(len(layouts)), z_theta.shape[1])
     starts = np.asarray(z_theta, dtype=np.float64).reshape(-1, 2)
-    ends, _ = nearest(by_truth(layouts, margins), scenes, starts, 1.0, side, refinements)
+
+    def log_valid(scene: int, z: Array) -> Array:
+        return np.where(valid(layouts[scene : scene + 1], z[None], margins)[0], 0.0, -np.inf)
+
+    ends, _ = nearest(log_valid, scenes, starts, 1.0, side, refinements)
     return ends.reshape(z_theta.shape)
 
 

@@ -17,7 +17,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer  # pyright: ignore[reportMissi
 from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
 
 from pipeline.robot.arm import GRIP, Arm, Bench
-from pipeline.robot.inverse import FREE, PostureMap, polished
+from pipeline.robot.inverse import FREE, POLISHING, PostureMap, Solver
 from pipeline.world.bezier import P_F, P_INIT, basis, curve
 
 ARC_POINTS = 257  # points by which a path's length is measured
@@ -86,7 +86,9 @@ def execute(
     places, rotation = forward(arm, q)
     again = np.flatnonzero(off() & (status == FREE))
     if len(again):
-        q[again] = polished(arm, q[again], targets[again])
+        solver, rough = Solver(arm), q[again]
+        pairs = zip(rough.reshape(-1, q.shape[-1]), targets[again].reshape(-1, 3), strict=True)
+        q[again] = np.stack([solver.solve(start, at, POLISHING)[0] for start, at in pairs]).reshape(rough.shape)
         places[again], rotation[again] = forward(arm, q[again])
     error = np.linalg.norm(places[..., -1, :] - targets, axis=-1)
     duration = lengths(z_theta) * bench.side_m / speed_m_s

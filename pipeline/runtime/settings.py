@@ -95,8 +95,6 @@ class StudyGroup(Group):
 
 
 class VariantSettings(Group):
-    """Check the setting of all variants."""
-
     n_demos: Annotated[list[Demonstrations], Field(min_length=1)] | None  # besides main_n_demos; null: all
     compared: bool
 

@@ -113,10 +113,9 @@ def _predictions(cfg: DictConfig, variant: str, truth: pd.DataFrame) -> pd.DataF
     wrong = ~merged["p"].between(0, 1) | (merged["valid"] != merged["valid_predicted"]) | merged.duplicated(QUERY)
     if wrong.any():
         first = "user {}, {} demonstrations, seed {}, split {}".format(*merged.loc[wrong.idxmax(), MODEL])
-        raise InputError(
-            f"{variant} lacks predictions, or has others, for {first}: expected each query's p in [0, 1] and label; "
-            f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
-        )
+        again = f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
+        expected = "expected each query's p in [0, 1] and label"
+        raise InputError(f"{variant} lacks predictions, or has others, for {first}: {expected}; {again}")
     return merged[[*QUERY, "p", "valid"]].assign(variant=variant, p=merged["p"].astype(float))
 
 
@@ -162,10 +161,7 @@ def _summary(cfg: DictConfig, by_seed: pd.DataFrame, judged: pd.DataFrame) -> pd
 
 
 def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return reliability bins and scores by variant and split, over users and seeds.
-
-    Scores have quartiles over seeds, `_q1` and `_q3`.
-    """
+    """Return reliability bins and scores by variant and split, over users and seeds; _q1, _q3: quartiles over seeds."""
     tables, rows = [], []
     for (variant, split), group in judged.groupby(["variant", "split"], observed=True, sort=False):
         table = reliability(group["p"].to_numpy(), group["valid"].to_numpy(), bins).query("count > 0")

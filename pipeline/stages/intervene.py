@@ -33,7 +33,7 @@ from pipeline.runtime.settings import Count, Group, Name, SharedSplit, Whole, ch
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, concatenated
+from pipeline.world.layout import SYMBOLS, LayoutRules, concatenated
 from pipeline.world.render import ImageSource, read_palette
 
 SCENES_PER_JOB = 4 * SCENES_PER_BATCH  # whole batches, so that results do not depend on it
@@ -42,7 +42,6 @@ SUMMARY = [
     "question", "kind", "symbol", "variant", "user", "baseline", "intervened", "effect", "q1", "q3", "ci_low",
     "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict", "truth", "truth_verdict", "right",
 ]  # fmt: skip
-
 
 Expected = Float[Array, "seed change every_user every_scene"]  # E[V]; the truth has one seed
 Pair = tuple[Float[Array, "_ _ _"], Float[Array, "_ _ _"]]  # (user, seed, scene): E[V] without and with the change
@@ -105,7 +104,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     users, seeds, variants = list(cfg.users), list(cfg.protocol.seeds), list(cfg.variants)
     catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
     scenes, noise, split = _read_scenes(cfg, catalogue)
-    additions = _draw_additions(cfg, scenes, split)
+    parts = [  # so that more scenes change no placement of the split
+        draw_additions(_stream(cfg, name), replace(scenes, layouts=scenes.layouts[rows]), cfg.intervene.placements)
+        for name, rows in (("placements", split), ("more placements", slice(split.stop, None)))
+    ]
+    additions = {s: [concatenated(pair) for pair in zip(*(part[s] for part in parts), strict=True)] for s in SYMBOLS}
     questions, changes = _read_questions(cfg, scenes, additions)
 
     chunks = [slice(i, i + SCENES_PER_JOB) for i in range(0, len(scenes.layouts), SCENES_PER_JOB)]
@@ -158,15 +161,6 @@ def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values,
 
 def _stream(cfg: DictConfig, name: str) -> np.random.Generator:
     return stream(cfg.intervene.root_seed, "intervene", name)
-
-
-def _draw_additions(cfg: DictConfig, scenes: Scenes, split: slice) -> dict[str, list[Layouts]]:
-    """Return symbol -> the scenes with an added item, one entry per placement; more scenes change none of the split."""
-    parts = [
-        draw_additions(_stream(cfg, name), replace(scenes, layouts=scenes.layouts[rows]), cfg.intervene.placements)
-        for name, rows in (("placements", split), ("more placements", slice(split.stop, None)))
-    ]
-    return {s: [concatenated(pair) for pair in zip(*(part[s] for part in parts), strict=True)] for s in SYMBOLS}
 
 
 def _read_questions(cfg: DictConfig, scenes: Scenes, additions: Mapping) -> tuple[list[Question], list[Values]]:

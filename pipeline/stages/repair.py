@@ -87,9 +87,7 @@ def _baselines(cfg: DictConfig, scenes: SceneSet, starts: Mapping[str, Starts]) 
     truth of every path there, not only n labels, which makes it a strong baseline.
     """
     tables = []
-    for seed, s in product(cfg.protocol.seeds, starts.values()):
-        if len(s.z) == 0:
-            continue
+    for seed, s in product(cfg.protocol.seeds, [s for s in starts.values() if len(s.z)]):
         rng = stream(cfg.scenes.root_seed, "repair", "random", seed, s.user)
         detour = constant_detour(scenes.layouts[train_pool(seed)], s.margins, cfg.repair.lattice_side)
         ends = {"random_path": random_z_theta(rng, len(s.z)), "constant_detour": np.broadcast_to(detour, s.z.shape)}

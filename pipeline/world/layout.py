@@ -33,15 +33,11 @@ class Symbol(Group):
     transparent: bool = False  # the table shows through, but the rim casts the shadow of a solid item
 
 
-def read_symbols(path: Path) -> dict[str, Symbol]:
-    """Return the kinds of item in a symbols.yaml; raise InputError for an unknown key or a value out of range."""
-    try:
-        return TypeAdapter(dict[str, Symbol]).validate_python(yaml.safe_load(path.read_text()))
-    except (yaml.YAMLError, ValidationError) as error:
-        raise InputError(f"{path}: {' '.join(str(error).split())}") from error
-
-
-_KINDS = read_symbols(Path(__file__).with_name("symbols.yaml"))
+_FILE = Path(__file__).with_name("symbols.yaml")
+try:
+    _KINDS = TypeAdapter(dict[str, Symbol]).validate_python(yaml.safe_load(_FILE.read_text()))
+except (yaml.YAMLError, ValidationError) as error:
+    raise InputError(f"{_FILE}: {' '.join(str(error).split())}") from error
 SYMBOLS, APPEARANCES = tuple(_KINDS), tuple(_KINDS.values())  # layouts store a symbol as its position
 
 
