@@ -28,8 +28,8 @@ from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
 
 SCENES, N_DEMOS = 20, 9  # training scenes; demonstrations per scene
 STEPS = 40  # steps per call: fixed costs before the first step are spread over them, as in the stages
-VARIANTS = {"full": Weights(10.0, 0.005, 1.0), "classifier": Weights(0.0, 0.0, 1.0)}  # alpha, beta, gamma
-SCHEDULE = Schedule(STEPS, 2e-3, 0.01, STEPS)  # steps, peak rate, weight decay, curve interval
+VARIANTS = {"full": Weights(alpha=10.0, beta=0.005, gamma=1.0), "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0)}
+SCHEDULE = Schedule(steps=STEPS, rate=2e-3, weight_decay=0.01, curve_every=STEPS)
 GIB = 2**30  # bytes
 
 

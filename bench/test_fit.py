@@ -14,7 +14,17 @@ from pipeline.world.bezier import P_F, P_INIT, basis, random_z_theta
 from pipeline.world.bezier_fit import fit
 from pipeline.world.hand import Hand, join, simulate
 
-HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)  # conf/demos.yaml
+HAND = Hand(
+    rate_hz=50.0,
+    jitter_s=0.002,
+    speed_m_s=0.35,
+    speed_spread=0.2,
+    tremor_m=0.0007,
+    tremor_hz=[8.0, 12.0],
+    drift_m=0.002,
+    height_m=0.1,
+    height_drift_m=0.01,
+)  # conf/demos.yaml
 MANY, FEW = 1000, 10  # recordings fitted at once, and one at a time
 CONTROL = np.stack([P_INIT, np.zeros(2), P_F])
 

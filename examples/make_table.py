@@ -26,7 +26,16 @@ from pipeline.world.rules import Margins, line_clearance, slack
 
 OUT, DATA = Path(__file__).with_name("table"), Path("data")
 SEED, SCENES, UNLABELLED, DEMOS = 31, 12, 2, 8  # demonstrations for each scene and user
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)  # as in conf/scenes.yaml
+RULES = LayoutRules(
+    items_per_scene=(2, 3),
+    glasses_chance=(0.05, 0.35, 0.40, 0.20),
+    centre_low=0.12,
+    centre_high=0.88,
+    clear_of_ends=0.12,
+    clear_of_items=0.015,
+    scale_low=0.97,
+    scale_high=1.03,
+)  # as in conf/scenes.yaml
 USERS: dict[str, Margins] = {  # margins [m], as careful and normal in conf/users/
     "Ana": dict.fromkeys(SYMBOLS, 0.045),
     "Jürgen": dict.fromkeys(SYMBOLS, None) | {"glass": 0.042},

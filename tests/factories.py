@@ -38,7 +38,16 @@ from pipeline.world.layout import (
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
 
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)  # as in conf/scenes.yaml
+RULES = LayoutRules(
+    items_per_scene=(2, 3),
+    glasses_chance=(0.05, 0.35, 0.40, 0.20),
+    centre_low=0.12,
+    centre_high=0.88,
+    clear_of_ends=0.12,
+    clear_of_items=0.015,
+    scale_low=0.97,
+    scale_high=1.03,
+)  # as in conf/scenes.yaml
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 
 WEIGHTS = {  # of Eq. 1

@@ -31,12 +31,9 @@ def read_labelled(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFra
 
 def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets: np.ndarray) -> None:
     """Write demos.parquet and, in the same row order, trajectories.npz (samples (total, 4): t [s], x, y, z [m])."""
-    if len(offsets) != len(demos) + 1 or offsets[-1] != len(samples):
-        raise ValueError(f"{len(demos)} demonstrations do not match {len(offsets)} offsets into {len(samples)} samples")
     write_table(out_dir / "demos.parquet", demos[DEMO_COLUMNS])
-    write_arrays(
-        out_dir / "trajectories.npz", {"samples": samples.astype(np.float32), "offsets": offsets.astype(np.int64)}
-    )
+    arrays = {"samples": samples.astype(np.float32), "offsets": offsets.astype(np.int64)}
+    write_arrays(out_dir / "trajectories.npz", arrays)
 
 
 def read_demos(directory: Path) -> pd.DataFrame:
@@ -58,10 +55,8 @@ def demo_arrays(demos: pd.DataFrame, seed: int, user: str, n: int) -> tuple[np.n
     rows = demos[(demos["seed"] == seed) & (demos["user"] == user) & (demos["demo"] < n)].sort_values(["scene", "demo"])
     scenes = rows["scene"].nunique()
     if scenes == 0 or len(rows) != scenes * n:
-        raise InputError(
-            f"{len(rows)} demonstrations of user {user}, seed {seed}: expected {n} in each scene; "
-            "run the demos stage again"
-        )
+        found = f"{len(rows)} demonstrations of user {user}, seed {seed}"
+        raise InputError(f"{found}: expected {n} in each scene; run the demos stage again")
     z = rows[["z_x", "z_y"]].to_numpy().reshape(scenes, n, 2)
     return z, rows["valid"].to_numpy(dtype=bool).reshape(scenes, n)
 

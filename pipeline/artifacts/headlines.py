@@ -31,10 +31,8 @@ def headlines(cfg: DictConfig, folder: Path, targets: Collection[str]) -> pd.Dat
         rows = judged(Path(cfg.paths.repair) / "repairs.parquet").query("method == 'gradient'")
         parts.append(("repair", rows, ["variant", "user"], "valid_end"))
     if "intervene" in targets:  # each seed's largest error of an estimated effect, over questions and users
-        groups = judged(Path(cfg.paths.intervene) / "effects.parquet").groupby(
-            ["variant", "question", "user", "seed"], sort=False, observed=True
-        )
-        means = groups[["effect", "true_effect"]].mean().reset_index()
+        keys, effects = ["variant", "question", "user", "seed"], judged(Path(cfg.paths.intervene) / "effects.parquet")
+        means = effects.groupby(keys, sort=False, observed=True)[["effect", "true_effect"]].mean().reset_index()
         means["error"] = (means["effect"] - means["true_effect"]).abs()
         worst = means.groupby(["variant", "seed"], sort=False, observed=True)["error"].max().reset_index()
         parts.append(("effect_error", worst, ["variant"], "error"))

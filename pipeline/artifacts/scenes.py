@@ -45,11 +45,8 @@ def write_scenes(out_dir: Path, scenes: SceneSet) -> None:
     """Write images.npz, layouts.parquet and appearance.parquet."""
     write_arrays(out_dir / "images.npz", scenes.images)
     write_table(out_dir / "layouts.parquet", pd.concat([layout_table(p, x) for p, x in scenes.layouts.items()]))
-    appearances = [
-        table.assign(pool=pool, scene=range(len(table)))[APPEARANCE_COLUMNS]
-        for pool, table in scenes.appearances.items()
-    ]
-    write_table(out_dir / "appearance.parquet", pd.concat(appearances))
+    looks = [x.assign(pool=p, scene=range(len(x)))[APPEARANCE_COLUMNS] for p, x in scenes.appearances.items()]
+    write_table(out_dir / "appearance.parquet", pd.concat(looks))
 
 
 def read_scenes(directory: Path) -> SceneSet:
@@ -59,17 +56,14 @@ def read_scenes(directory: Path) -> SceneSet:
     appearance = read_table(directory / "appearance.parquet", APPEARANCE_COLUMNS)
     slots = int(rows["slot"].max()) + 1 if len(rows) else 1
     by_pool = {pool: part for pool, part in rows.groupby("pool")}
-    appearances = {
-        pool: part[["texture", "render_seed"]].reset_index(drop=True) for pool, part in appearance.groupby("pool")
-    }
+    appearances = {p: x[["texture", "render_seed"]].reset_index(drop=True) for p, x in appearance.groupby("pool")}
     if set(by_pool) != set(images) or set(appearances) != set(images):
         raise InputError(f"{directory}: images, layouts and appearance name different pools; rerun stage scenes")
     for pool, array in images.items():
-        if array.dtype != np.uint8 or array.shape[1:] != (100, 100, 3) or len(array) != len(appearances[pool]):
-            raise InputError(
-                f"{directory}: pool {pool} holds {array.dtype} images {array.shape}, "
-                f"{len(appearances[pool])} scenes; expected uint8 (scene, 100, 100, 3); run its stage again"
-            )
+        count = len(appearances[pool])
+        if array.dtype != np.uint8 or array.shape[1:] != (100, 100, 3) or len(array) != count:
+            found = f"{directory}: pool {pool} holds {array.dtype} images {array.shape}, {count} scenes"
+            raise InputError(f"{found}; expected uint8 (scene, 100, 100, 3); run its stage again")
     # One slot more than any scene uses leaves room for an added item.
     layouts = {pool: padded_layouts(by_pool[pool], len(images[pool]), slots + 1) for pool in images}
     return SceneSet(images, layouts, appearances)
@@ -133,9 +127,7 @@ def read_interventions(directory: Path, scenes: Layouts) -> AddedItems:
         layout = padded_layouts(placed, images.shape[1], slots)
         one_more = len(layout) == len(scenes) and (layout.present.sum(1) == scenes.present.sum(1) + 1).all()
         if not (one_more and np.array_equal(layout.centre[present], scenes.centre[present])):
-            raise InputError(
-                f"{directory}: not these scenes with an added {symbol} in each; run the intervene stage again, for the "
-                "same intervene.split"
-            )
+            again = "run the intervene stage again, for the same intervene.split"
+            raise InputError(f"{directory}: not these scenes with an added {symbol} in each; {again}")
         layouts.append(layout)
     return AddedItems(images, layouts)

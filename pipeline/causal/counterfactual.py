@@ -117,15 +117,12 @@ def baselines(
     random_item: any item of the scene. nearest_item: the item with the smallest clearance [m].
     """
     caused = cause != NO_SINGLE_CAUSE
-    return {
-        "random_item": caused / np.maximum(present.sum(-1, keepdims=True), 1),
-        "nearest_item": (caused & (cause == clearances.argmin(-1))).astype(float),
-    }
+    random = caused / np.maximum(present.sum(-1, keepdims=True), 1)
+    nearest = (caused & (cause == clearances.argmin(-1))).astype(float)
+    return {"random_item": random, "nearest_item": nearest}
 
 
-def score_attributions(
-    model: Removals, truth: Removals, chances: Mapping[str, Float[Array, "scene path"]]
-) -> dict[str, float]:
+def score_attributions(model: Removals, truth: Removals, chances: Mapping[str, Array]) -> dict[str, float]:
     """Return scores of the models' attributions (seed, scene, path) of truly rejected paths (scene, path).
 
     All scores refer to the paths that both model and truth reject. Without such paths only `rejected`, 0, is returned.
@@ -145,17 +142,12 @@ def score_attributions(
     single, several = rejected & (cause != NO_SINGLE_CAUSE), rejected & (cause == NO_SINGLE_CAUSE)
     same_side = (model.sufficiency > DECISION) == (truth.sufficiency > DECISION)
     as_true = (same_side & (model.necessity <= DECISION)).all(-1)
-    return (
-        {
-            "rejected": float(rejected.sum() / len(rejected)),
-            "recall": float(rejected.sum() / invalid.sum()),
-            "single": float(single.sum() / rejected.sum()),
-        }
-        | mean_with_interval("right", attribute(model.necessity) == cause, single, prefix="")
-        | {f"baseline_{name}": mean(chance, single) for name, chance in chances.items()}
-        | mean_with_interval("overdetermined_right", as_true, several)
-        | {"empty_rejected": mean(model.empty <= DECISION, rejected)}
-    )
+    scores = {"rejected": float(rejected.sum() / len(rejected)), "recall": float(rejected.sum() / invalid.sum())}
+    scores |= {"single": float(single.sum() / rejected.sum())}
+    scores |= mean_with_interval("right", attribute(model.necessity) == cause, single, prefix="")
+    scores |= {f"baseline_{name}": mean(chance, single) for name, chance in chances.items()}
+    scores |= mean_with_interval("overdetermined_right", as_true, several)
+    return scores | {"empty_rejected": mean(model.empty <= DECISION, rejected)}
 
 
 def mean(values: Array, mask: Bool[Array, "*b"]) -> float:

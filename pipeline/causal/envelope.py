@@ -29,18 +29,16 @@ from scipy.optimize import isotonic_regression
 from pipeline.stats.crossed import Estimates, by_item, estimate, inflate_item_variance
 from pipeline.stats.tests import holm, verdict
 
+Doses, Clearances = Float[Array, " dose"], Float[Array, "scene path"]  # [m]
 
-def dose_grid(step: float, doses: int) -> Float[Array, " dose"]:
+
+def dose_grid(step: float, doses: int) -> Doses:
     """Return the centre [m] of each interval of clearance, `step` wide; the first lies inside the item (contact)."""
     return step * (np.arange(doses) - 0.5)
 
 
 def paths_at_doses(
-    to_added: Float[Array, "scene path"],
-    to_others: Float[Array, "scene path"],
-    doses: Float[Array, " dose"],
-    clear_of_others: float,
-    count: int,
+    to_added: Clearances, to_others: Clearances, doses: Doses, clear_of_others: float, count: int
 ) -> Int[Array, "scene dose count"]:
     """Return the first `count` paths at each dose that keep `clear_of_others` [m] away from all other items.
 
@@ -63,7 +61,7 @@ def envelopes(
     item: Int[Array, "question scene"],
     n_training: Sequence[int | None],
     margins: Sequence[float | None],
-    doses: Float[Array, " dose"],
+    doses: Doses,
 ) -> pd.DataFrame:
     """Return one family's envelopes (questions: users x symbols), one row per question; lengths in metres.
 
@@ -94,10 +92,7 @@ def envelopes(
 
 
 def response_curve(
-    response: Float[Array, "seed scene dose"],
-    item: Int[Array, " scene"],
-    n_training: int | None,
-    doses: Float[Array, " dose"],
+    response: Float[Array, "seed scene dose"], item: Int[Array, " scene"], n_training: int | None, doses: Doses
 ) -> pd.DataFrame:
     """Return one question's mean response by dose with its 95 % interval: clearance_m, response, ci_low, ci_high."""
     estimates = _estimate_doses(by_item(response, item), n_training)
@@ -105,7 +100,7 @@ def response_curve(
 
 
 def radius(
-    response: Float[Array, "seed item dose"], doses: Float[Array, " dose"], n_training: int | None = None
+    response: Float[Array, "seed item dose"], doses: Doses, n_training: int | None = None
 ) -> tuple[float, float, float]:
     """Return the clearance [m] of half the effect and its 95 % interval; a bound at the end of the grid is open.
 

@@ -15,6 +15,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 STEP_NATS = 0.25  # surprises are rounded down to multiples of this, so that their distribution is a finite sum
+Predicted, Labels = Float[Array, "user seed scene draw path"], Bool[Array, "user scene draw path"]
+Rates = Float[Array, "who path seed scene"]  # by number of paths
 DISTINCT = 0.99  # probability that a draw of paths distinguishes two users, from which they count as distinct
 
 
@@ -28,9 +30,7 @@ def posterior(
     return likelihood / likelihood.sum(0)
 
 
-def identify(
-    p: Float[Array, "user seed scene draw path"], valid: Bool[Array, "user scene draw path"], floor: float
-) -> Float[Array, "user path seed scene"]:
+def identify(p: Predicted, valid: Labels, floor: float) -> Float[Array, "user path seed scene"]:
     """Return the accuracy of the most probable user after 1, 2, ... paths.
 
     First axis of the result: the true user. Draws are averaged; tied users share the credit.
@@ -40,9 +40,7 @@ def identify(
     return _by_path(np.stack([of_user[user] / of_user.sum(0) for user, of_user in enumerate(best)]))
 
 
-def reject_all_users(
-    p: Float[Array, "user seed scene draw path"], valid: Bool[Array, "who scene draw path"], floor: float, level: float
-) -> Float[Array, "who path seed scene"]:
+def reject_all_users(p: Predicted, valid: Bool[Array, "who scene draw path"], floor: float, level: float) -> Rates:
     """Return the rate at which every known user is rejected after 1, 2, ... paths of each demonstrator, over draws.
 
     If p is correct for the demonstrator, this happens with probability at most `level`, for each k.
@@ -90,19 +88,13 @@ def critical_surprise(
     return critical.reshape(*shape, paths)
 
 
-def all_distinct(valid: Bool[Array, "user scene draw path"]) -> Bool[Array, " scene"]:
-    """Return the scenes in which all users are distinct from each other."""
-    return np.all([distinct_from(labels, np.delete(valid, user, axis=0)) for user, labels in enumerate(valid)], axis=0)
+def all_distinct(valid: Labels) -> Bool[Array, " scene"]:
+    """Return the scenes in which any two users' labels differ so often that a draw shows it with chance DISTINCT."""
+    differ = (valid[:, None] != valid).mean((-2, -1))  # (user, user, scene)
+    distinct = 1 - (1 - differ) ** valid.shape[-1] >= DISTINCT
+    return (distinct | np.eye(len(valid), dtype=bool)[..., None]).all((0, 1))
 
 
-def distinct_from(
-    valid: Bool[Array, "scene draw path"], others: Bool[Array, "user scene draw path"]
-) -> Bool[Array, " scene"]:
-    """Return whether labels differ from each other user's so often that one draw shows it with probability DISTINCT."""
-    differ = (valid != others).mean((-2, -1))  # (user, scene)
-    return (1 - (1 - differ) ** valid.shape[-1] >= DISTINCT).all(0)
-
-
-def _by_path(values: Array) -> Float[Array, "who path seed scene"]:
+def _by_path(values: Array) -> Rates:
     """Return values (who, seed, scene, draw, path) averaged over draws, with the path axis second."""
     return np.moveaxis(values.mean(-2), -1, 1)

@@ -18,7 +18,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
-from pipeline.stats.crossed import Estimates, estimate
+from pipeline.stats.crossed import Effects, Estimates, estimate
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm, true_verdict, verdict
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.rules import PAPER_P_VALID
@@ -26,13 +26,14 @@ from pipeline.world.rules import PAPER_P_VALID
 ESTIMATE_COLUMNS = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict"]
 NONE = "none"  # Table 2's column without an intervention
 PAPER, TRUTH = "the paper", "truth"  # sources beside the variants, none of which may be called so
+Predicted = Float[Array, "user seed version scene path"]
 PAPER_BOLD = {  # (user, symbol) of the cells that the paper prints in bold
     ("careful", "bowl"), ("careful", "plate"), ("careful", "cutlery"), ("careful", "glass"), ("normal", "glass"),
 }  # fmt: skip
 BOLD_COLUMNS = "source", "user", "change", "mean", "q1", "q3", "effect", "ci_low", "ci_high", "p_holm", "bold", "beyond"
 
 
-def estimate_effects(effects: Float[Array, "question seed scene"]) -> pd.DataFrame:
+def estimate_effects(effects: Effects) -> pd.DataFrame:
     """Return estimates and verdicts of a family of questions, one row per question, with ESTIMATE_COLUMNS.
 
     effect: mean over seeds and scenes; q1, q3: quartiles of the seeds' means; ci_, ci90_: 95 % and 90 % intervals over
@@ -48,8 +49,8 @@ def estimate_effects(effects: Float[Array, "question seed scene"]) -> pd.DataFra
 
 
 def compare_with_truth(
-    baseline: Float[Array, "question seed scene"],
-    intervened: Float[Array, "question seed scene"],
+    baseline: Effects,
+    intervened: Effects,
     true_baseline: Float[Array, "question scene"],
     true_intervened: Float[Array, "question scene"],
 ) -> pd.DataFrame:
@@ -72,9 +73,7 @@ def questions(users: Sequence[str]) -> pd.DataFrame:
     return pd.MultiIndex.from_product([list(users), SYMBOLS], names=["user", "symbol"]).to_frame(index=False)
 
 
-def expected_by_version(
-    p: Float[Array, "user seed version scene path"],
-) -> tuple[Float[Array, "question seed scene"], Float[Array, "question seed scene"]]:
+def expected_by_version(p: Predicted) -> tuple[Effects, Effects]:
     """Return E[V], the mean of p over paths, without the item and with it."""
     expected = p.mean(-1, dtype=np.float64)
     after = np.moveaxis(expected[:, :, 1:], 2, 1)  # (user, symbol, seed, scene)
@@ -82,15 +81,13 @@ def expected_by_version(
     return before.reshape(-1, *after.shape[2:]), after.reshape(-1, *after.shape[2:])
 
 
-def added_item_effects(p: Float[Array, "user seed version scene path"]) -> Float[Array, "question seed scene"]:
+def added_item_effects(p: Predicted) -> Effects:
     """Return E[V | do(Z_I := E(I + o)), S = s] - E[V | S = s] of each question (paper, second inequality)."""
     before, after = expected_by_version(p)
     return after - before
 
 
-def verdicts(
-    users: Sequence[str], p: Float[Array, "user seed version scene path"], valid: Bool[Array, "user version scene path"]
-) -> pd.DataFrame:
+def verdicts(users: Sequence[str], p: Predicted, valid: Bool[Array, "user version scene path"]) -> pd.DataFrame:
     """Return user, symbol and the columns of `compare_with_truth` for each question; all questions form one family."""
     truth = (x[:, 0] for x in expected_by_version(valid[:, None].astype(float)))
     return pd.concat([questions(users), compare_with_truth(*expected_by_version(p), *truth)], axis=1)
@@ -112,12 +109,7 @@ def right_verdicts(summary: pd.DataFrame, kind: str, users: Sequence[str]) -> di
     return {str(variant): int(count) for variant, count in right.items()}
 
 
-def bold_rows(
-    source: str,
-    changes: Sequence[tuple[str, str]],
-    baseline: Float[Array, "change seed scene"],
-    intervened: Float[Array, "change seed scene"],
-) -> pd.DataFrame:
+def bold_rows(source: str, changes: Sequence[tuple[str, str]], baseline: Effects, intervened: Effects) -> pd.DataFrame:
     """Return a source's block of Table 2: mean P(valid) without and with an added item, bold where it changes.
 
     The paper: "The cells in bold indicate significant change with respect to the no intervention column."
@@ -128,7 +120,7 @@ def bold_rows(
     beyond: its 95 % interval lies beyond +-SMALLEST_EFFECT. Raises ValueError as `estimate_effects`.
     """
 
-    def levels(p: Float[Array, "change seed scene"]) -> dict[str, Float[Array, " change"]]:
+    def levels(p: Effects) -> dict[str, Float[Array, " question"]]:
         values = p.mean(-1) if p.shape[1] > 1 else p[:, 0]
         q1, q3 = np.quantile(values, (0.25, 0.75), axis=-1)
         return {"mean": p.mean((1, 2)), "q1": q1, "q3": q3}
@@ -147,12 +139,9 @@ def bold_rows(
 
 def paper_rows(users: Sequence[str], symbols: Sequence[str]) -> pd.DataFrame:
     """Return the paper's block as printed, of those users and symbols that it has, with BOLD_COLUMNS."""
-    rows = [
-        {"source": PAPER, "user": user, "change": change, "mean": mean, "bold": (user, change) in PAPER_BOLD}
-        for user, means in PAPER_P_VALID.items()
-        for change, mean in means.items()
-        if user in users and change in (NONE, *symbols)
-    ]
+    known = NONE, *symbols
+    cells = [(u, c, m) for u in PAPER_P_VALID if u in users for c, m in PAPER_P_VALID[u].items() if c in known]
+    rows = [{"source": PAPER, "user": u, "change": c, "mean": m, "bold": (u, c) in PAPER_BOLD} for u, c, m in cells]
     return pd.DataFrame(rows, columns=BOLD_COLUMNS).assign(beyond=False)
 
 

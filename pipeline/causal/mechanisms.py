@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from numpy import ndarray as Array
 
 from pipeline.causal.scm import SCM, Values, specification_scm
-from pipeline.models.base import SCENES_PER_BATCH, ValidityModel, to_tensor
+from pipeline.models.base import SCENES_PER_BATCH, Images, ValidityModel, to_tensor
 from pipeline.world.layout import Layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import Margins, valid
 
-Image = UInt8[Array, "scene 100 100 3"]
-Render = Callable[[Int[Array, " scene"], Layouts, Array], Image]  # arguments: render seeds, items, names of table tops
+Render = Callable[[Int[Array, " scene"], Layouts, Array], Images]  # arguments: render seeds, items, names of table tops
 
 
 def renderer(palette: Palette) -> Render:
@@ -41,7 +40,7 @@ def model_scm(models: Mapping[str, ValidityModel], render: Render | Any = None) 
     """
 
     @torch.no_grad()
-    def encode(image: Image) -> dict[str, list]:
+    def encode(image: Images) -> dict[str, list]:
         batches = [to_tensor(image[i : i + SCENES_PER_BATCH]) for i in range(0, len(image), SCENES_PER_BATCH)]
         return {user: [model.eval().perceive(batch) for batch in batches] for user, model in models.items()}
 

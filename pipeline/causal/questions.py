@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -62,7 +62,6 @@ class User(_Question):
 
 
 Question = Annotated[Add | Remove | Move | Swap | TableTop | User, Field(discriminator="kind")]
-KINDS = tuple(get_args(cls.model_fields["kind"].annotation)[0] for cls in (Add, Remove, Move, Swap, TableTop, User))
 
 
 @dataclass(frozen=True)
@@ -125,18 +124,12 @@ def change(
         changed = concatenated([proposal, changed])[np.where(fits, 0, count) + np.arange(count)]
         accepted |= fits
     if accepted.sum() < MIN_SCENES:
-        raise InputError(
-            f"question {name}: {accepted.sum()} scenes allow it, expected at least {MIN_SCENES}; "
-            f"ask about another symbol than {question.symbol}, a smaller distance or more scenes"
-        )
+        other = f"ask about another symbol than {question.symbol}, a smaller distance or more scenes"
+        raise InputError(f"question {name}: {accepted.sum()} scenes allow it, expected at least {MIN_SCENES}; {other}")
     return [{"O": changed}], accepted
 
 
 def draw_additions(rng: np.random.Generator, scenes: Scenes, placements: int) -> dict[str, list[Layouts]]:
     """Return the scenes with a random item of each symbol added, `placements` times."""
-    return {
-        symbol: [
-            add_item(rng, scenes.layouts, index, scenes.items, scenes.pool, scenes.rules) for _ in range(placements)
-        ]
-        for index, symbol in enumerate(SYMBOLS)
-    }
+    drawn = scenes.items, scenes.pool, scenes.rules
+    return {s: [add_item(rng, scenes.layouts, i, *drawn) for _ in range(placements)] for i, s in enumerate(SYMBOLS)}

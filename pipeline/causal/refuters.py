@@ -11,21 +11,17 @@ from collections import Counter
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float, Shaped, UInt8
+from jaxtyping import Bool, Float, Shaped
 from numpy import ndarray as Array
 
 from pipeline.causal.interventions import estimate_effects
+from pipeline.models.base import Images
 
 DUMMY_OUTCOME, PLACEBO_TREATMENT = "dummy_outcome", "placebo_treatment"
 NEGATIVE_CONTROL, OTHER_ENVIRONMENT, DATA_SUBSET = "negative_control", "other_environment", "data_subset"
 
 
-def placebo_patch(
-    rng: np.random.Generator,
-    before: UInt8[Array, "scene 100 100 3"],
-    after: UInt8[Array, "scene 100 100 3"],
-    piece: int = 1,
-) -> UInt8[Array, "scene 100 100 3"]:
+def placebo_patch(rng: np.random.Generator, before: Images, after: Images, piece: int = 1) -> Images:
     """Return `after` with the pixels that differ from `before` shuffled within each scene.
 
     The patch keeps the item's outline, colours and contrast but shows no item. Squares of `piece` x `piece` pixels move
@@ -66,13 +62,6 @@ def data_subset(rng: np.random.Generator, effects: Float[Array, "question seed s
     verdicts = np.array([half["verdict"] for half in halves])
     low, high = np.quantile(means, (0.025, 0.975), axis=0)
     expected = estimate_effects(effects)["verdict"].to_numpy()
-    return pd.DataFrame(
-        {
-            "effect": means.mean(0),
-            "ci_low": low,
-            "ci_high": high,
-            "verdict": [Counter(column).most_common(1)[0][0] for column in verdicts.T.tolist()],
-            "expected": expected,
-            "agreement": (verdicts == expected).mean(0),
-        }
-    )
+    most = [Counter(column).most_common(1)[0][0] for column in verdicts.T.tolist()]
+    table = pd.DataFrame({"effect": means.mean(0), "ci_low": low, "ci_high": high, "verdict": most})
+    return table.assign(expected=expected, agreement=(verdicts == expected).mean(0))

@@ -94,12 +94,7 @@ def chance_of_change(v: bool, before: Float[Array, "*#b"], after: Float[Array, "
         return np.where(observed > 0, np.maximum(changed, 0.0) / observed, np.nan)  # 3. prediction
 
 
-def specification_scm(
-    users: Sequence[str],
-    render: Callable[[Any, Any, Any], Any],
-    encode: Callable[[Any], Any],
-    classify: Callable[[Any, Any, Any], Array],
-) -> SCM:
+def specification_scm(users: Sequence[str], render: Callable, encode: Callable, classify: Callable) -> SCM:
     """Return the graph of this module with the given mechanisms.
 
     `render(render_seed, items, table_top)` gives the image and `encode(image)` the percepts of the users' models.

@@ -15,6 +15,9 @@ from pipeline.world.bezier import Z_HIGH, Z_LOW
 from pipeline.world.layout import SIDE
 
 Array = np.ndarray
+Images, Pixels = UInt8[Array, "scene 100 100 3"], Float[Tensor, "scene 3 100 100"]  # [0, 255], [0, 1]
+Paths = Float[Tensor, "scene path 2"]  # control points [m]
+LogOdds = Float[Tensor, "scene path"]
 Z_RANGE_M = -1.5, 2.5  # of a control point [m]: it bends a path up to half a metre beyond the table, as hands may go
 SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most in the last bit
 
@@ -41,13 +44,11 @@ def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
         raise InputError(f"{name} has NaN or infinite values: drop those paths")
     furthest = float(z_theta.flat[np.abs(z_theta - 0.5).argmax()]) if z_theta.size else 0.0
     if not Z_RANGE_M[0] <= furthest <= Z_RANGE_M[1]:
-        raise InputError(
-            f"{name} reaches {furthest:.3g}: expected metres as a rule within [{Z_LOW}, {Z_HIGH}], at most "
-            f"{Z_RANGE_M[0]} to {Z_RANGE_M[1]}; 100 pixels are one metre"
-        )
+        most = f"at most {Z_RANGE_M[0]} to {Z_RANGE_M[1]}; 100 pixels are one metre"
+        raise InputError(f"{name} reaches {furthest:.3g}: expected metres as a rule within [{Z_LOW}, {Z_HIGH}], {most}")
 
 
-def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:
+def to_tensor(images: Images) -> Pixels:
     """Return images as network input: float in [0, 1], channels first, in channels-last memory format."""
     pixels = torch.from_numpy(np.ascontiguousarray(images)).permute(0, 3, 1, 2)
     return pixels.float().div(255).contiguous(memory_format=torch.channels_last)
@@ -59,17 +60,15 @@ class ValidityModel(nn.Module, ABC):
     settings: Mapping[str, Any] = {}  # settings that `pipeline.fit` built the model from, for `pipeline.save`
 
     @abstractmethod
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Tensor:
+    def perceive(self, images: Pixels) -> Tensor:
         """Return the percept of each scene (first axis: scene); it does not depend on the path."""
 
     @abstractmethod
-    def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
+    def logit(self, percept: Tensor, z_theta: Paths) -> LogOdds:
         """Return the log-odds that each path [m] is valid; differentiable in `z_theta`."""
 
     @torch.no_grad()
-    def probability(
-        self, images: UInt8[Array, "scene 100 100 3"], z_theta: Float[Array, "scene path 2"]
-    ) -> Float[Array, "scene path"]:
+    def probability(self, images: Images, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path"]:
         """Return P(valid) of each path [m] as float32; switches to `eval()` mode and keeps no gradient.
 
         Raises InputError unless images are uint8 (scene, 100, 100, 3) and paths are finite metres (scene, path, 2).
@@ -81,7 +80,7 @@ class ValidityModel(nn.Module, ABC):
         some = [slice(i, i + SCENES_PER_BATCH) for i in range(0, len(images), SCENES_PER_BATCH)]
         return torch.cat([self.logit(self.perceive(to_tensor(images[s])), z[s]).sigmoid() for s in some]).numpy()
 
-    def reconstruction_over_flat(self, images: UInt8[Array, "scene 100 100 3"]) -> float:
+    def reconstruction_over_flat(self, images: Images) -> float:
         """Return the root mean square error of decoded images over that of flat ones; NaN where there is no decoder."""
         return math.nan
 

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 from safetensors import SafetensorError
 from safetensors.torch import load_file
 
 from pipeline.artifacts.models import model_dir, weights_path
-from pipeline.models.base import ValidityModel, untrained
+from pipeline.models.base import Images, ValidityModel, untrained
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.irl.reward_map import RewardMap
 from pipeline.models.vae.beta_vae import BetaVae
@@ -68,12 +68,8 @@ def _check_file(cfg: DictConfig, variant: str, path: Path) -> None:
 
 
 def predict_all(
-    cfg: DictConfig,
-    users: Sequence[str],
-    images: UInt8[Array, "image 100 100 3"],
-    z_theta: Float[Array, "image path 2"],
-    desc: str,
-) -> dict[str, Float[Array, "user seed image path"]]:
+    cfg: DictConfig, users: Sequence[str], images: Images, z_theta: Float[Array, "scene path 2"], desc: str
+) -> dict[str, Float[Array, "user seed scene path"]]:
     """Return P(valid) of every path [m] in its image by each variant's models of these users at main_n_demos."""
     longest_first = [(variant, user) for variant in reversed(list(cfg.variants)) for user in users]
     p = map_jobs(partial(_predict, cfg, images, z_theta), longest_first, cfg.workers, desc)
@@ -81,6 +77,6 @@ def predict_all(
     return {variant: np.stack([by_model[variant, user] for user in users]) for variant in cfg.variants}
 
 
-def _predict(cfg: DictConfig, images: Array, z_theta: Array, model: tuple[str, str]) -> Float[Array, "seed image path"]:
+def _predict(cfg: DictConfig, images: Array, z_theta: Array, model: tuple[str, str]) -> Float[Array, "seed scene path"]:
     models = (load_model(cfg, *model, seed, cfg.main_n_demos) for seed in cfg.protocol.seeds)
     return np.stack([model.probability(images, z_theta) for model in models])

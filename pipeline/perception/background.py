@@ -8,12 +8,11 @@ from pipeline.runtime.roots import square_root
 
 MIN_TABLE_SHARE = 0.85  # share of the pixels assumed to show the table
 MIN_COLOUR_STD = 0.004  # smallest standard deviation of the table's colour [1 = white]: one grey level
+Pixels = Float[Tensor, "scene 3 100 100"]  # [1 = white]
 STRIDE = 3  # the fit uses every third row and column
 
 
-def subtract_background(
-    images: Float[Tensor, "scene 3 100 100"],
-) -> tuple[Float[Tensor, "scene 3 100 100"], Float[Tensor, "scene 3 3"]]:
+def subtract_background(images: Pixels) -> tuple[Pixels, Float[Tensor, "scene 3 3"]]:
     """Subtract the table's colour from each pixel; return the difference and the table's whitening matrix.
 
     The table's colour is a quadratic in the pixel's position, since light falls off smoothly. It is fitted to the

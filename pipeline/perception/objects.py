@@ -6,7 +6,7 @@ tell glasses from bowls, plates and cutlery.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import cv2
@@ -16,8 +16,8 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from numpy import ndarray as Array
 from scipy.ndimage import distance_transform_edt
 from scipy.special import entr
-from torch import Tensor
 
+from pipeline.perception.background import Pixels
 from pipeline.perception.segmenter import STRIDE, Maps, segment
 from pipeline.world.layout import SIDE
 
@@ -41,10 +41,8 @@ cv2.setNumThreads(1)  # stages run one process per core
 MIN_LONG_ELONGATION = 2.5  # ratio of variances along and across above which an object's ends determine its length
 
 # A capsule of radius 1 and half-length l has the ratio ELONGATIONS(l) of variances along and across it.
-_LENGTHS = np.linspace(0, 20, 2001)
-_ELONGATIONS = (4 / 3 * _LENGTHS**3 + np.pi * _LENGTHS**2 + 8 / 3 * _LENGTHS + np.pi / 4) / (
-    4 / 3 * _LENGTHS + np.pi / 4
-)
+_L = np.linspace(0, 20, 2001)
+_ELONGATIONS = (4 / 3 * _L**3 + np.pi * _L**2 + 8 / 3 * _L + np.pi / 4) / (4 / 3 * _L + np.pi / 4)
 
 
 class Capsule(NamedTuple):
@@ -68,7 +66,7 @@ def fit_capsule(points: Float[Array, "point 2"], per_metre: int) -> Capsule:
     elongation, axis = float(values[1] / values[0]), vectors[:, 1]
     area = len(points) / per_metre**2
     if elongation <= MIN_LONG_ELONGATION:
-        length = np.interp(elongation, _ELONGATIONS, _LENGTHS)
+        length = np.interp(elongation, _ELONGATIONS, _L)
         radius = float(np.sqrt(area / (np.pi + 4 * length)))
         return Capsule(centre, length * radius * axis, radius, area, elongation)
     along = (points - centre) @ axis
@@ -89,36 +87,24 @@ class Objects:
     doubt: Float32[Array, " scene"]  # how unsure the detector is of each picture (`doubt`)
 
 
-def detect_objects(
-    images: Float[Tensor, "scene 3 100 100"], empty: Float[Tensor, "scene 3 100 100"] | None = None
-) -> Objects:
+def detect_objects(images: Pixels, empty: Pixels | None = None) -> Objects:
     """Return the objects detected in each image [1 = white]; images do not affect each other.
 
     `empty`: pictures of the same tables without items, from the same camera in the same light, where there are any.
     """
-    objects = Objects(
-        np.zeros((len(images), MAX_OBJECTS, 2, 2), np.float32),
-        np.zeros((len(images), MAX_OBJECTS), np.float32),
-        np.zeros((len(images), MAX_OBJECTS, len(FEATURES)), np.float32),
-        np.zeros((len(images), MAX_OBJECTS), bool),
-        np.zeros(len(images), np.float32),
-    )
+    shape, zeros = (len(images), MAX_OBJECTS), partial(np.zeros, dtype=np.float32)
+    ends, features, present = zeros((*shape, 2, 2)), zeros((*shape, len(FEATURES))), np.zeros(shape, bool)
+    objects = Objects(ends, zeros(shape), features, present, zeros(len(images)))
     tables = [None] * len(images) if empty is None else to_bytes(empty)
     for scene, (image, table) in enumerate(zip(to_bytes(images), tables, strict=True)):
         found, objects.doubt[scene] = _detect(image, table)
-        for i, object_ in enumerate(found):
-            objects.ends[scene, i], objects.radius[scene, i] = object_.ends, object_.radius
-            objects.features[scene, i], objects.present[scene, i] = object_.features, True
+        for i, of_object in enumerate(found):
+            objects.ends[scene, i], objects.radius[scene, i], objects.features[scene, i] = of_object
+            objects.present[scene, i] = True
     return objects
 
 
-class _Object(NamedTuple):
-    ends: Float[Array, "2 2"]  # end points of the capsule's segment [m]
-    radius: float  # of the capsule [m]
-    features: Float[Array, " feature"]
-
-
-def to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
+def to_bytes(images: Pixels) -> list[bytes]:
     """Return each image's 8-bit pixels in row order, as bytes: the inverse of `pipeline.models.base.to_tensor`."""
     pixels = images.detach().permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()
     return [image.tobytes() for image in pixels]
@@ -129,8 +115,8 @@ def _pixels(image: bytes) -> UInt8[Array, "100 100 3"]:
 
 
 @lru_cache(maxsize=4096)  # 30 kB each; all models use the same images
-def _detect(image: bytes, table: bytes | None) -> tuple[list[_Object], float]:
-    """Return the MAX_OBJECTS largest objects in an 8-bit RGB image, the largest first, and the doubt about it."""
+def _detect(image: bytes, table: bytes | None) -> tuple[list[tuple[Array, float, Array]], float]:
+    """Return ends, radius and features of the largest objects in an 8-bit image, largest first; and the doubt."""
     pixels = _pixels(image)
     maps = segment(pixels, None if table is None else _pixels(table))
     typical = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
@@ -153,8 +139,8 @@ def _detect(image: bytes, table: bytes | None) -> tuple[list[_Object], float]:
         sizes = np.log(np.array([capsule.area, capsule.elongation, length, 2 * capsule.radius]))
         seen = [np.log(share / (1 - share)), np.log(max(float(contrast[covered].mean()), MIN_CONTRAST))]
         ends = np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half])
-        objects.append(_Object(ends, capsule.radius, np.array([*sizes, *seen])))
-    return sorted(objects, key=lambda object_: -object_.features[0])[:MAX_OBJECTS], doubt(maps.item)
+        objects.append((ends, capsule.radius, np.array([*sizes, *seen])))
+    return sorted(objects, key=lambda of_object: -of_object[2][0])[:MAX_OBJECTS], doubt(maps.item)
 
 
 class Outline(NamedTuple):

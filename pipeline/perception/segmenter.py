@@ -24,6 +24,7 @@ CHANNELS = 24, 32, 64, 96  # at 1/2, 1/4, 1/8 and 1/16 of the image's resolution
 MAPS = ("item", "between", "see_through")  # what each output says of a pixel, see `Maps`
 INPUTS = 7  # colours, differences from the empty table's colours, and whether that is known
 STRIDE = 3  # median and spread are those of every third row and column
+Pictures = Float32[Array, "scene 100 100 3"]  # [1 = white]
 MIN_SPREAD = 4 / 255  # smallest standard deviation by which colours are divided [1 = white]: sensor noise
 
 
@@ -68,9 +69,7 @@ def _two_layers(inputs: int, outputs: int, normalised: bool) -> nn.Sequential:
     return nn.Sequential(*layers)
 
 
-def network_input(
-    images: Float32[Array, "scene 100 100 3"], empty: Float32[Array, "scene 100 100 3"] | None
-) -> Float[Tensor, "scene 7 100 100"]:
+def network_input(images: Pictures, empty: Pictures | None) -> Float[Tensor, "scene 7 100 100"]:
     """Return images [1 = white] as the segmenter's input: relative to their own median and spread.
 
     `empty`: the same tables without items, in the same light; None where there is no such picture.
@@ -103,7 +102,6 @@ def read_segmenter(path: Path = WEIGHTS) -> Segmenter:
     try:
         segmenter.load_state_dict({name: value.float() for name, value in load_file(path).items()})
     except (SafetensorError, RuntimeError) as error:
-        raise InputError(
-            f"{path} does not hold this segmenter's weights ({str(error).split(chr(10))[0]}): {again}"
-        ) from error
+        why = str(error).split("\n")[0]
+        raise InputError(f"{path} does not hold this segmenter's weights ({why}): {again}") from error
     return segmenter.eval().to(memory_format=torch.channels_last)  # pyright: ignore

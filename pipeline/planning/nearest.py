@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from torch import Tensor
 
-from pipeline.models.base import ValidityModel, to_tensor
+from pipeline.models.base import Images, ValidityModel, to_tensor
 from pipeline.world.bezier import Z_HIGH, Z_LOW, lattice
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, clearance, slack, valid
@@ -18,18 +18,13 @@ REFINED_STEPS = 1.5  # half-width of a finer lattice around the best z, in steps
 REFINEMENT = 4  # factor by which each refinement divides the step
 SLACK_CAP_M = 0.1  # slack counts up to this value when ties of the constant detour are broken
 
-LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]
-"""log P(valid) of paths [m] in the scene of that number."""
+Z = Float[Array, "start 2"]  # z_theta [m]
+LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]  # log P(valid) of paths [m] in that scene
 
 
 def nearest(
-    log_valid: LogValid,
-    scenes: Int[Array, " start"],
-    starts: Float[Array, "start 2"],
-    distance_penalty: float,
-    side: int,
-    refinements: int,
-) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
+    log_valid: LogValid, scenes: Int[Array, " start"], starts: Z, distance_penalty: float, side: int, refinements: int
+) -> tuple[Z, Float[Array, " start"]]:
     """Return for each start the z_theta [m] with the highest log P(valid) - distance_penalty * distance, and its log P.
 
     `scenes` holds the scene index of each start. All starts of a scene share a lattice of `side` x `side` z_theta; each
@@ -69,7 +64,7 @@ def nearest(
 
 
 @torch.no_grad()
-def by_model(model: ValidityModel, images: UInt8[Array, "scene 100 100 3"]) -> LogValid:
+def by_model(model: ValidityModel, images: Images) -> LogValid:
     """Return a model's log P(valid) in these scenes; the model perceives each scene once."""
     return by_percept(model, model.eval().perceive(to_tensor(images)))
 
@@ -85,11 +80,6 @@ def by_percept(model: ValidityModel, percept: Tensor) -> LogValid:
     return log_valid
 
 
-def by_truth(layouts: Layouts, margins: Margins) -> LogValid:
-    """Return a user's true rule in these scenes as log P(valid): 0 for valid paths, -inf for invalid ones."""
-    return lambda scene, z: np.where(valid(layouts[scene : scene + 1], z[None], margins)[0], 0.0, -np.inf)
-
-
 def nearest_valid(
     layouts: Layouts, z_theta: Float[Array, "scene start 2"], margins: Margins, side: int, refinements: int
 ) -> Float[Array, "scene start 2"]:
@@ -99,7 +89,11 @@ def nearest_valid(
     """
     scenes = np.repeat(np.arange(len(layouts)), z_theta.shape[1])
     starts = np.asarray(z_theta, dtype=np.float64).reshape(-1, 2)
-    ends, _ = nearest(by_truth(layouts, margins), scenes, starts, 1.0, side, refinements)
+
+    def log_valid(scene: int, z: Array) -> Array:
+        return np.where(valid(layouts[scene : scene + 1], z[None], margins)[0], 0.0, -np.inf)
+
+    ends, _ = nearest(log_valid, scenes, starts, 1.0, side, refinements)
     return ends.reshape(z_theta.shape)
 
 

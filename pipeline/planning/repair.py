@@ -1,31 +1,32 @@
 """Repair paths by gradient ascent on a model's log-odds of validity (paper, "Trajectory Backpropagation")."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from numpy import ndarray as Array
 from torch import Tensor
 
-from pipeline.models.base import ValidityModel, to_tensor
+from pipeline.models.base import Images, ValidityModel, to_tensor
 from pipeline.runtime.roots import square_root
+from pipeline.runtime.settings import Count, Group, Size
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
 DECAY, SQUARES_DECAY, EPSILON = 0.9, 0.999, 1e-8  # beta_1, beta_2 and epsilon of Adam (Kingma and Ba, 2015)
 
 
-@dataclass(frozen=True)
-class Ascent:
+class Ascent(Group):
     """Settings of gradient ascent (conf/repair.yaml).
 
     optimiser: `gradient` steps by rate * Delta, as in the paper (rate in m^2 per unit of log-odds); `adam` takes
     Adam's steps of about rate [m] per coordinate. The rate decreases linearly to zero over the steps.
     """
 
-    steps: int
-    optimiser: str
-    rate: float
+    steps: Count
+    optimiser: Literal["gradient", "adam"]
+    rate: Size
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,7 @@ class Repairs:
     p: Float[Array, "scene start point"]  # P(valid) by the model at these points, float32
 
 
-def repair(
-    model: ValidityModel, images: UInt8[Array, "scene 100 100 3"], starts: Float[Array, "scene start 2"], ascent: Ascent
-) -> Repairs:
+def repair(model: ValidityModel, images: Images, starts: Float[Array, "scene start 2"], ascent: Ascent) -> Repairs:
     """Take `ascent.steps` steps from each start [m] along Delta = d log-odds(v = 1) / d z_theta; return all points.
 
     The paper's Delta (Section "Problem Formulation") is the gradient of C_s. The gradient of the log-odds has the same

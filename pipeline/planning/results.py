@@ -7,12 +7,14 @@ import pandas as pd
 from jaxtyping import Float, Int
 from numpy import ndarray as Array
 
-from pipeline.planning.nearest import nearest_valid
+from pipeline.planning.nearest import Z, nearest_valid
 from pipeline.stats.crossed import quartiles, ratio
 from pipeline.stats.scores import DECISION
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, clearance, slack, valid
 
+Candidates = Float[Array, "scene candidate 2"]  # z_theta [m]
+Chances = Float[Array, " start"] | None  # P(valid)
 GROUP = ["method", "variant", "user"]
 COLUMNS = [
     *GROUP, "seeds", "starts", "success", "success_q1", "success_q3", "success_ci_low", "success_ci_high",
@@ -29,18 +31,12 @@ class Starts:
     layouts: Layouts
     scene: Int[Array, " start"]
     start: Int[Array, " start"]  # number of the start within its scene
-    z: Float[Array, "start 2"]  # z_theta [m]
-    nearest: Float[Array, "start 2"]  # the nearest truly valid z_theta [m]
+    z: Z
+    nearest: Z  # the nearest truly valid z_theta [m]
 
     @classmethod
     def of(
-        cls,
-        user: str,
-        margins: Margins,
-        layouts: Layouts,
-        candidates: Float[Array, "scene candidate 2"],
-        side: int,
-        refinements: int,
+        cls, user: str, margins: Margins, layouts: Layouts, candidates: Candidates, side: int, refinements: int
     ) -> "Starts":
         """Return those candidates [m] that are invalid to the user; side, refinements: of `nearest_valid`."""
         scene, start = np.nonzero(~valid(layouts, candidates, margins))
@@ -49,13 +45,7 @@ class Starts:
 
 
 def rows(
-    starts: Starts,
-    method: str,
-    variant: str,
-    seed: int,
-    ends: Float[Array, "start 2"],
-    p_start: Float[Array, " start"] | None = None,
-    p_end: Float[Array, " start"] | None = None,
+    starts: Starts, method: str, variant: str, seed: int, ends: Z, p_start: Chances = None, p_end: Chances = None
 ) -> pd.DataFrame:
     """Return one row per start: end point [m], the model's P(valid) at both (if there is a model), and the truth."""
     ends = ends.astype(np.float64)

@@ -17,10 +17,11 @@ from rosbags.rosbag2 import StoragePlugin, Writer  # pyright: ignore[reportMissi
 from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
 
 from pipeline.robot.arm import GRIP, Arm, Bench
-from pipeline.robot.inverse import FREE, PostureMap, polished
+from pipeline.robot.inverse import FREE, POLISHING, PostureMap, Solver
 from pipeline.world.bezier import P_F, P_INIT, basis, curve
 
 ARC_POINTS = 257  # points by which a path's length is measured
+Z = Float[Array, "path 2"]  # z_theta [table sides]
 FAILURES = ("", "out of reach", "collision", "off the table", "joint speed", "tracking")  # "": executed
 KIND = "trajectory_msgs/msg/JointTrajectory"
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
@@ -38,12 +39,12 @@ class Motion:
     results: pd.DataFrame  # a row a path: duration_s, error_mean_m, error_max_m, speed_share, failure
 
 
-def lengths(z_theta: Float[Array, "path 2"]) -> Float[Array, " path"]:
+def lengths(z_theta: Z) -> Float[Array, " path"]:
     """Return the length of each Bezier path [table sides]."""
     return np.linalg.norm(np.diff(curve(z_theta, ARC_POINTS), axis=1), axis=-1).sum(-1)
 
 
-def minimum_jerk(z_theta: Float[Array, "path 2"], instants: int) -> Float[Array, "path instant 2"]:
+def minimum_jerk(z_theta: Z, instants: int) -> Float[Array, "path instant 2"]:
     """Return the points [table sides] of each path at evenly spaced instants of a movement with minimum jerk.
 
     After Flash and Hogan (1985), as the recordings are timed.
@@ -61,7 +62,7 @@ def execute(
     arm: Arm,
     bench: Bench,
     postures: PostureMap,
-    z_theta: Float[Array, "path 2"],
+    z_theta: Z,
     instants: int,
     speed_m_s: float,
     error_m: float,
@@ -85,22 +86,17 @@ def execute(
     places, rotation = forward(arm, q)
     again = np.flatnonzero(off() & (status == FREE))
     if len(again):
-        q[again] = polished(arm, q[again], targets[again])
+        solver, rough = Solver(arm), q[again]
+        pairs = zip(rough.reshape(-1, q.shape[-1]), targets[again].reshape(-1, 3), strict=True)
+        q[again] = np.stack([solver.solve(start, at, POLISHING)[0] for start, at in pairs]).reshape(rough.shape)
         places[again], rotation[again] = forward(arm, q[again])
     error = np.linalg.norm(places[..., -1, :] - targets, axis=-1)
     duration = lengths(z_theta) * bench.side_m / speed_m_s
     speed = np.abs(np.diff(q, axis=1)) * (instants - 1) / duration[:, None, None]
     share = (speed / arm.model.velocityLimit).max((1, 2))
     named = np.select([status > 0, share > 1, off()], [status, 4, 5], 0)
-    results = pd.DataFrame(
-        {
-            "duration_s": duration,
-            "error_mean_m": error.mean(1),
-            "error_max_m": error.max(1),
-            "speed_share": share,
-            "failure": np.array(FAILURES)[named],
-        }
-    )
+    results = pd.DataFrame({"duration_s": duration, "error_mean_m": error.mean(1), "error_max_m": error.max(1)})
+    results = results.assign(speed_share=share, failure=np.array(FAILURES)[named])
     ahead = bench.base.rotation @ rotation[..., :, 0, None]
     chain = bench.to_table(places)
     return Motion(q, chain, chain[..., -1, :], np.arctan2(ahead[..., 1, 0], ahead[..., 0, 0]), results)
@@ -131,15 +127,11 @@ def write_bag(folder: Path, arm: Arm, moves: Mapping[str, tuple[Float[Array, "in
             t = np.linspace(0.0, duration_s, len(q))
             speeds = np.gradient(q, t, axis=0)
             speeds[[0, -1]] = 0.0  # the arm rests before and after
+            point, span = types["trajectory_msgs/msg/JointTrajectoryPoint"], types["builtin_interfaces/msg/Duration"]
+            none = {"accelerations": np.zeros(0), "effort": np.zeros(0)}
             points = [
-                types["trajectory_msgs/msg/JointTrajectoryPoint"](
-                    positions=positions,
-                    velocities=velocities,
-                    accelerations=np.zeros(0),
-                    effort=np.zeros(0),
-                    time_from_start=types["builtin_interfaces/msg/Duration"](*divmod(round(at * SECOND), SECOND)),
-                )
-                for at, positions, velocities in zip(t, q, speeds, strict=True)
+                point(positions=x, velocities=v, time_from_start=span(*divmod(round(at * SECOND), SECOND)), **none)
+                for at, x, v in zip(t, q, speeds, strict=True)
             ]
             stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
             header = types["std_msgs/msg/Header"](stamp=stamp, frame_id=arm.model.frames[1].name)

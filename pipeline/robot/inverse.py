@@ -77,15 +77,6 @@ def posture_map(arm: Arm, bench: Bench, side: int, obstacle_m: float) -> Posture
     return PostureMap(q, status, np.stack([spline_filter(q[..., i], 3, mode="nearest") for i in range(q.shape[-1])]))
 
 
-def polished(
-    arm: Arm, q: Float[Array, "path instant joint"], targets: Float[Array, "path instant 3"]
-) -> Float[Array, "path instant joint"]:
-    """Return interpolated joint positions [rad] after a few more steps of inverse kinematics to the targets [m]."""
-    solver = Solver(arm)
-    pairs = zip(q.reshape(-1, q.shape[-1]), targets.reshape(-1, 3), strict=True)
-    return np.stack([solver.solve(start, target, POLISHING)[0] for start, target in pairs]).reshape(q.shape)
-
-
 class Solver:
     """Pink's steps to an upright grip at a point, within the joints' stops."""
 
@@ -105,9 +96,8 @@ class Solver:
             here = self.configuration.get_transform_frame_to_world(GRIP)
             upright = pin.Quaternion.FromTwoVectors(here.rotation[:, 2], np.array([0.0, 0.0, 1.0])).matrix()
             self.grip.set_target(pin.SE3(upright @ here.rotation, target))
-            step = pink.solve_ik(
-                self.configuration, [self.grip, self.posture], 1.0, "daqp", damping=1e-8, limits=self.limits
-            )
+            tasks = [self.grip, self.posture]
+            step = pink.solve_ik(self.configuration, tasks, 1.0, "daqp", damping=1e-8, limits=self.limits)
             self.configuration.integrate_inplace(step, 1.0)
             if np.abs(step).max() < SOLVED:
                 break

@@ -3,13 +3,14 @@
 from collections.abc import Collection, Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
+from omegaconf import OmegaConf
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.runtime.errors import InputError
-from pipeline.world.layout import SYMBOLS
 
 RESERVED = "truth", "ideal", "z"  # names with another meaning in tables and files
 MAX_N = 10  # largest number of demonstrations per scene (paper: 10)
+Checked = TypeVar("Checked", bound="Group")
 
 
 def rising(values: list) -> list:
@@ -19,9 +20,9 @@ def rising(values: list) -> list:
     return values
 
 
-def ordered(values: list) -> list:
+def ordered(values: tuple) -> tuple:
     """Return the values; raise ValueError unless none is below the one before it."""
-    if values != sorted(values):
+    if list(values) != sorted(values):
         raise ValueError("expected the smaller number first")
     return values
 
@@ -40,6 +41,8 @@ def _not_reserved(name: str) -> str:
 
 
 def _every_symbol(margins: dict) -> dict:
+    from pipeline.world.layout import SYMBOLS  # which imports this module
+
     if set(margins) != set(SYMBOLS):
         raise ValueError(f"expected a margin for each of {', '.join(SYMBOLS)}")
     return margins
@@ -63,8 +66,8 @@ Name = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_-]*$"), AfterValidator(
 Names = Annotated[list[str], AfterValidator(unique)]
 Some = Annotated[Names, Field(min_length=1)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
-Range = Annotated[list[Distance], Field(min_length=2, max_length=2), AfterValidator(ordered)]
-ShareRange = Annotated[list[Chance], Field(min_length=2, max_length=2), AfterValidator(ordered)]
+Range = Annotated[tuple[Distance, Distance], Field(strict=False), AfterValidator(ordered)]
+ShareRange = Annotated[tuple[Chance, Chance], Field(strict=False), AfterValidator(ordered)]
 Seeds = Annotated[list[Whole], Field(min_length=1), AfterValidator(unique)]
 Wholes = Annotated[list[Whole], AfterValidator(rising)]
 Counts = Annotated[list[Count], AfterValidator(rising)]
@@ -74,9 +77,15 @@ SharedSplit = Literal["new_scenes", "new_items"]  # splits that all seeds share
 
 
 class Group(BaseModel):
-    """A group of parameters: all are required, unknown ones are rejected, and nothing is converted."""
+    """A group of parameters: unknown ones are rejected, and nothing is converted."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+    @classmethod
+    def of(cls: type[Checked], values: Mapping[str, Any]) -> Checked:
+        """Return the group of those among the `values` of conf/ that belong to it."""
+        plain: Any = OmegaConf.to_container(OmegaConf.create(dict(values)))
+        return cls(**{name: plain[name] for name in cls.model_fields if name in plain})
 
 
 class StudyGroup(Group):
@@ -85,18 +94,7 @@ class StudyGroup(Group):
     question: Annotated[str, Field(pattern=r"\?$")]
 
 
-class ScheduleSettings(Group):
-    """Steps of AdamW with a one-cycle learning rate."""
-
-    steps: Count
-    rate: Size
-    weight_decay: Weight
-    curve_every: Count
-
-
 class VariantSettings(Group):
-    """Check the setting of all variants."""
-
     n_demos: Annotated[list[Demonstrations], Field(min_length=1)] | None  # besides main_n_demos; null: all
     compared: bool
 
@@ -154,9 +152,6 @@ class Shared(Group):
         one_of = f"null or one of protocol.seeds, {seeds} under protocol={self.protocol.name}"
         need(self.seed is None or self.seed in seeds, "seed", self.seed, one_of)
         return self
-
-
-Checked = TypeVar("Checked", bound=Group)
 
 
 def checked(group: type[Checked], values: Any, name: str = "") -> Checked:

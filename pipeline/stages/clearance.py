@@ -6,11 +6,12 @@ from typing import Literal
 from omegaconf import DictConfig
 
 from pipeline.launch import launch
-from pipeline.runtime.settings import Count, Group, ScheduleSettings, VariantSettings
+from pipeline.runtime.settings import Count, Group, VariantSettings
 from pipeline.stages.fitting import fit_variant
 from pipeline.training.clearance.fit import trainer
+from pipeline.training.loop import Schedule
 
-Settings = ScheduleSettings
+Settings = Schedule
 
 
 class Members(Group):
@@ -18,8 +19,6 @@ class Members(Group):
 
 
 class Variant(VariantSettings):
-    """A variant of the clearance model."""
-
     stage: Literal["clearance"]
     kind: Literal["clearance"]
     model: Members

@@ -1,38 +1,23 @@
 """Stage demos: record demonstrations of every user, fit Bezier paths to them, and draw the query paths."""
 
-from collections.abc import Iterable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy import ndarray as Array
 from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pipeline.artifacts.demos import DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.launch import launch
-from pipeline.runtime.settings import Count, Demonstrations, Distance, Group, Length, Pair, Size, Spread, Whole, need
+from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
 from pipeline.world.hand import Hand, join, simulate, valid_trajectories
 from pipeline.world.rules import valid
-
-Key = tuple[int, str, int, int]  # seed, user, scene, demo
-
-
-class HandSettings(Group):
-    rate_hz: Size
-    jitter_s: Spread
-    speed_m_s: Size
-    speed_spread: Spread
-    tremor_m: Distance
-    tremor_hz: Pair
-    drift_m: Distance
-    height_m: float
-    height_drift_m: Distance
 
 
 class Settings(Group):
@@ -41,7 +26,7 @@ class Settings(Group):
     queries_seen: Count
     queries_new: Count
     poor_above_m: Length
-    hand: HandSettings
+    hand: Hand
 
 
 def agree(demos: Settings, parameters: Any) -> None:
@@ -59,32 +44,23 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     pools = {seed: train_pool(seed) for seed in sorted([*cfg.seeds, *cfg.validation_seeds])}
     scenes.check_has(*pools.values())
     layouts = scenes.layouts
-    keys = [
-        (seed, user, scene, demo)
-        for seed, pool in pools.items()
-        for user in sorted(cfg.users)
-        for scene in range(len(layouts[pool]))
-        for demo in range(cfg.demos.per_scene)
-    ]
-    samples, offsets = join(_trajectories(cfg, keys))
+    keys: list[tuple[int, str, int, int]] = []  # seed, user, scene, demo
+    for seed, pool in pools.items():
+        keys += product([seed], sorted(cfg.users), range(len(layouts[pool])), range(cfg.demos.per_scene))
+    hand, trajectories = Hand.of(cfg.demos.hand), []
+    for key in tqdm(keys, desc="demos"):
+        rng = stream(cfg.demos.root_seed, "demos", "recording", *key)
+        trajectory = simulate(rng, random_z_theta(rng), hand)
+        trajectories.append(trajectory.astype(np.float32).astype(float))  # rounded to the stored numbers
+    samples, offsets = join(trajectories)
     fits = fit(samples[:, 1:3], offsets, cfg.demos.poor_above_m)
-    demos = pd.DataFrame(keys, columns=DEMO_KEY).assign(
-        z_x=fits.z_theta[:, 0],
-        z_y=fits.z_theta[:, 1],
-        valid=False,
-        residual_m=fits.residual_m,
-        poor_fit=fits.poor,
-        duration_s=samples[offsets[1:] - 1, 0] - samples[offsets[:-1], 0],
-        samples=np.diff(offsets),
-    )
+    demos = pd.DataFrame(keys, columns=DEMO_KEY).assign(valid=False, residual_m=fits.residual_m, poor_fit=fits.poor)
+    duration = samples[offsets[1:] - 1, 0] - samples[offsets[:-1], 0]
+    demos = demos.assign(z_x=fits.z_theta[:, 0], z_y=fits.z_theta[:, 1], duration_s=duration, samples=np.diff(offsets))
     for (seed, user), rows in demos.groupby(["seed", "user"]):  # consecutive rows
-        first, end = rows.index[0], rows.index[-1] + 1
-        labels = valid_trajectories(
-            layouts[pools[seed]],
-            samples[offsets[first] : offsets[end]],
-            offsets[first : end + 1] - offsets[first],
-            cfg.users[user],
-        )
+        own = offsets[rows.index[0] : rows.index[-1] + 2]
+        recorded = samples[own[0] : own[-1]], own - own[0]
+        labels = valid_trajectories(layouts[pools[seed]], *recorded, cfg.users[user])
         demos.loc[rows.index, "valid"] = labels.ravel()
     queries = {}
     for pool in sorted(layouts):
@@ -93,15 +69,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         queries[pool] = Queries(z, {user: valid(layouts[pool], z, margins) for user, margins in cfg.users.items()})
     write_demos(out_dir, demos, samples, offsets)
     write_queries(out_dir, queries)
-
-
-def _trajectories(cfg: DictConfig, keys: Iterable[Key]) -> list[Array]:
-    """Return each demonstration's trajectory (sample, 4), simulated; all numbers are rounded to the stored float32."""
-    hand, trajectories = Hand.of(cfg.demos.hand), []
-    for key in tqdm(keys, desc="demos"):
-        rng = stream(cfg.demos.root_seed, "demos", "recording", *key)
-        trajectories.append(simulate(rng, random_z_theta(rng), hand).astype(np.float32).astype(float))
-    return trajectories
 
 
 if __name__ == "__main__":

@@ -36,8 +36,6 @@ MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correctio
 
 
 class Comparison(Group):
-    """A family of paired tests: one variant against others."""
-
     family: str
     variant: str
     against: Some
@@ -75,15 +73,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     truth = _truth(cfg)
     parts = [_predictions(cfg, variant, truth) for variant in tqdm(list(cfg.variants), desc="predictions")]
     predictions = pd.concat([*parts, *_baselines(cfg, truth)], ignore_index=True)
-    rows = []
-    for key, group in predictions.groupby(["variant", *MODEL], observed=True, sort=False):
-        rows.append(dict(zip(["variant", *MODEL], key, strict=True)) | _scores(group, cfg.evaluate.bins))
-    accuracies = pd.DataFrame(rows)
+    groups, bins = predictions.groupby(["variant", *MODEL], observed=True, sort=False), cfg.evaluate.bins
+    accuracies = pd.DataFrame(dict(zip(["variant", *MODEL], key, strict=True)) | _scores(x, bins) for key, x in groups)
     judged = predictions[predictions["user"].isin(cfg.evaluate.users)]
     scored = accuracies[accuracies["user"].isin(cfg.evaluate.users)]
     by_seed = scored.groupby(["variant", "split", "n_demos", "seed"], sort=False)["accuracy"].mean().unstack(sort=False)
     summary, convergence = _summary(cfg, by_seed, judged), _convergence(cfg)
-    calibration, scores = _calibration(judged[judged["n_demos"] == cfg.main_n_demos], cfg.evaluate.bins)
+    calibration, scores = _calibration(judged[judged["n_demos"] == cfg.main_n_demos], bins)
     write_table(out_dir / "accuracy.parquet", accuracies)
     write_table(out_dir / "accuracy.csv", summary)
     write_table(out_dir / "calibration.csv", calibration)
@@ -117,10 +113,9 @@ def _predictions(cfg: DictConfig, variant: str, truth: pd.DataFrame) -> pd.DataF
     wrong = ~merged["p"].between(0, 1) | (merged["valid"] != merged["valid_predicted"]) | merged.duplicated(QUERY)
     if wrong.any():
         first = "user {}, {} demonstrations, seed {}, split {}".format(*merged.loc[wrong.idxmax(), MODEL])
-        raise InputError(
-            f"{variant} lacks predictions, or has others, for {first}: expected each query's p in [0, 1] and label; "
-            f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
-        )
+        again = f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
+        expected = "expected each query's p in [0, 1] and label"
+        raise InputError(f"{variant} lacks predictions, or has others, for {first}: {expected}; {again}")
     return merged[[*QUERY, "p", "valid"]].assign(variant=variant, p=merged["p"].astype(float))
 
 
@@ -166,10 +161,7 @@ def _summary(cfg: DictConfig, by_seed: pd.DataFrame, judged: pd.DataFrame) -> pd
 
 
 def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return reliability bins and scores by variant and split, over users and seeds.
-
-    Scores have quartiles over seeds, `_q1` and `_q3`.
-    """
+    """Return reliability bins and scores by variant and split, over users and seeds; _q1, _q3: quartiles over seeds."""
     tables, rows = [], []
     for (variant, split), group in judged.groupby(["variant", "split"], observed=True, sort=False):
         table = reliability(group["p"].to_numpy(), group["valid"].to_numpy(), bins).query("count > 0")
@@ -178,8 +170,8 @@ def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.Data
         by_seed = pd.DataFrame([_scores(part, bins) for _, part in group.groupby("seed")])
         row = {"variant": variant, "split": split}
         for name in ("ece", "brier", "bias", "auroc"):
-            row |= {name: scores[name]}
-            row |= {f"{name}_q1": by_seed[name].quantile(0.25), f"{name}_q3": by_seed[name].quantile(0.75)}
+            q1, q3 = by_seed[name].quantile([0.25, 0.75])
+            row |= {name: scores[name], f"{name}_q1": q1, f"{name}_q3": q3}
         rows.append(row)
     columns = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
     return pd.concat(tables, ignore_index=True)[columns], pd.DataFrame(rows)

@@ -6,7 +6,6 @@ all models have varying labels or none has.
 
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -15,7 +14,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
@@ -32,19 +30,12 @@ KEY = ["seed", "user", "n_demos"]
 Key = tuple[int, str, int]
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """What is written of one model."""
-
-    weights: dict[int | None, dict[str, Array]]  # by the step before which they were kept; None: after the last
-    curve: Float[Array, "point column"]
-    predictions: dict[str, Float[Array, "scene query"]]  # split -> P(valid)
-    convergence: dict[str, Any]
+# What is written of one model: weights by the step before which they were kept (None: after the last), learning curve
+# (point, column), P(valid) (scene, query) by split, and whether it converged.
+Fitted = tuple[dict[int | None, dict[str, Array]], Array, dict[str, Array], dict[str, Any]]
 
 
-def fit_variant(
-    cfg: DictConfig, out_dir: Path, trainer_of: Callable[[Mapping[str, Any], Mapping[str, Any]], Trainer]
-) -> None:
+def fit_variant(cfg: DictConfig, out_dir: Path, trainer_of: Callable[[Mapping, Mapping], Trainer]) -> None:
     """Fit `cfg.variant` for every seed, user and number of demonstrations; write all files under `out_dir` at the end.
 
     trainer_of: settings of variant and stage -> how it is fitted. Raises InputError for missing scenes, demonstrations
@@ -72,11 +63,8 @@ def _batches(cfg: DictConfig, keys: list[Key], batch_size: int | None) -> list[l
         groups[is_constant(_training_set(cfg, seed, user, n).valid)].append((seed, user, n))
     if batch_size is None:
         by_seed = len({seed for seed, _, _ in keys}) >= cfg.workers
-        return [
-            list(batch)
-            for group in groups.values()
-            for _, batch in groupby(group, key=lambda key: key[0] if by_seed else key)
-        ]
+        process = (lambda key: key[0]) if by_seed else None
+        return [list(batch) for group in groups.values() for _, batch in groupby(group, process)]
     longest_first = [sorted(group, key=lambda key: -key[2]) for group in groups.values()]
     return [group[i : i + batch_size] for group in longest_first for i in range(0, len(group), batch_size)]
 
@@ -87,15 +75,12 @@ def _training_set(cfg: DictConfig, seed: int, user: str, n_demos: int) -> Traini
     scenes.check_has(train_pool(seed))
     images, (z, valid) = scenes.images[train_pool(seed)], demo_arrays(demos, seed, user, n_demos)
     if len(z) != len(images):
-        raise InputError(
-            f"{len(z)} scenes with demonstrations of {user}, seed {seed}: expected {len(images)}; run `dvc repro demos`"
-        )
+        found = f"{len(z)} scenes with demonstrations of {user}, seed {seed}"
+        raise InputError(f"{found}: expected {len(images)}; run `dvc repro demos`")
     return TrainingSet(user, seed, images, z, valid)
 
 
-def _queries(
-    cfg: DictConfig, seed: int, user: str
-) -> dict[str, tuple[UInt8[Array, "scene 100 100 3"], Float[Array, "scene query 2"], Array]]:
+def _queries(cfg: DictConfig, seed: int, user: str) -> dict[str, tuple[Array, Array, Array]]:
     """Return images, paths [m] and labels (scene, query) by split; raise InputError if any is missing."""
     scenes, _, queries = read_labelled(cfg.paths.scenes, cfg.paths.demos)
     pools = {split: pool or train_pool(seed) for split, pool in cfg.protocol.splits.items()}
@@ -116,32 +101,30 @@ def _fit(cfg: DictConfig, trainer: Trainer, batch: list[Key]) -> list[Fitted]:
         p = {split: model.probability(images, z) for split, (images, z, _) in queries.items()}
         weights = {None: {name: value.numpy() for name, value in model.state_dict().items()}}
         kept = checkpoints.of(model) if studied[i] else {}
-        results.append(Fitted(weights | kept, curve, p, convergence(model, training_sets[i], has_decoder)))
+        results.append((weights | kept, curve, p, convergence(model, training_sets[i], has_decoder)))
     return results
 
 
 def _write(cfg: DictConfig, out_dir: Path, fitted: dict[Key, Fitted], columns: list[str]) -> None:
     """Write weights/, checkpoints/, predictions, curves, their means over seeds (curves.csv) and convergence.csv."""
     predictions, curves, gates = [], [], []
-    for key, one in fitted.items():
-        named = dict(zip(KEY, key, strict=True))
-        queries = _queries(cfg, *key[:2])
-        for split, p in one.predictions.items():
-            scene, query = np.indices(p.shape).reshape(2, -1)
-            rows = {"scene": scene, "query": query, "p": p.ravel(), "valid": queries[split][2].ravel()}
-            predictions.append(pd.DataFrame(rows).assign(split=split, **named))
-        curves.append(pd.DataFrame(one.curve, columns=columns).astype({"step": int}).assign(**named))
-        gates.append(named | one.convergence)
     for folder in ("weights", "checkpoints"):  # remove the models of an earlier run
         shutil.rmtree(out_dir / folder, ignore_errors=True)
         (out_dir / folder).mkdir(parents=True)  # even if no model has any
-    for (seed, user, n), one in fitted.items():
-        for step, weights in one.weights.items():
+    for (seed, user, n), (states, curve, predicted, gate) in fitted.items():
+        named, queries = dict(zip(KEY, (seed, user, n), strict=True)), _queries(cfg, seed, user)
+        for split, p in predicted.items():
+            scene, query = np.indices(p.shape).reshape(2, -1)
+            rows = {"scene": scene, "query": query, "p": p.ravel(), "valid": queries[split][2].ravel()}
+            predictions.append(pd.DataFrame(rows).assign(split=split, **named))
+        curves.append(pd.DataFrame(curve, columns=columns).astype({"step": int}).assign(**named))
+        gates.append(named | gate)
+        for step, weights in states.items():
             path = weights_path(out_dir, user, seed, n, step)
             save_weights(path, {name: torch.from_numpy(value) for name, value in weights.items()})
     write_table(out_dir / "predictions.parquet", pd.concat(predictions, ignore_index=True)[PREDICTION_COLUMNS])
     write_table(out_dir / "convergence.csv", pd.DataFrame(gates))
-    curve = pd.concat(curves, ignore_index=True)[[*KEY, *columns]]
-    write_table(out_dir / "curves.parquet", curve)
-    means = curve.groupby(["user", "n_demos", "step"], as_index=False)[columns[1:]].mean()
+    points = pd.concat(curves, ignore_index=True)[[*KEY, *columns]]
+    write_table(out_dir / "curves.parquet", points)
+    means = points.groupby(["user", "n_demos", "step"], as_index=False)[columns[1:]].mean()
     write_table(out_dir / "curves.csv", means)

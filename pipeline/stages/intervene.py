@@ -14,7 +14,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
@@ -33,7 +33,7 @@ from pipeline.runtime.settings import Count, Group, Name, SharedSplit, Whole, ch
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, concatenated
+from pipeline.world.layout import SYMBOLS, LayoutRules, concatenated
 from pipeline.world.render import ImageSource, read_palette
 
 SCENES_PER_JOB = 4 * SCENES_PER_BATCH  # whole batches, so that results do not depend on it
@@ -42,7 +42,6 @@ SUMMARY = [
     "question", "kind", "symbol", "variant", "user", "baseline", "intervened", "effect", "q1", "q3", "ci_low",
     "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict", "truth", "truth_verdict", "right",
 ]  # fmt: skip
-
 
 Expected = Float[Array, "seed change every_user every_scene"]  # E[V]; the truth has one seed
 Pair = tuple[Float[Array, "_ _ _"], Float[Array, "_ _ _"]]  # (user, seed, scene): E[V] without and with the change
@@ -105,7 +104,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     users, seeds, variants = list(cfg.users), list(cfg.protocol.seeds), list(cfg.variants)
     catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
     scenes, noise, split = _read_scenes(cfg, catalogue)
-    additions = _draw_additions(cfg, scenes, split)
+    parts = [  # so that more scenes change no placement of the split
+        draw_additions(_stream(cfg, name), replace(scenes, layouts=scenes.layouts[rows]), cfg.intervene.placements)
+        for name, rows in (("placements", split), ("more placements", slice(split.stop, None)))
+    ]
+    additions = {s: [concatenated(pair) for pair in zip(*(part[s] for part in parts), strict=True)] for s in SYMBOLS}
     questions, changes = _read_questions(cfg, scenes, additions)
 
     chunks = [slice(i, i + SCENES_PER_JOB) for i in range(0, len(scenes.layouts), SCENES_PER_JOB)]
@@ -150,10 +153,8 @@ def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values,
     items, rules = splits.pop(), LayoutRules.of(cfg.scenes.layout)  # an added item comes from the same split
     more, tops = random_scenes(_stream(cfg, f"more {pool}"), cfg.intervene.more_scenes, catalogue, items, rules)
     split, layouts = slice(len(layouts)), concatenated([layouts, more])
-    appearance = pd.concat([stored.appearances[pool], tops], ignore_index=True)
-    noise = recorded_noise(
-        layouts, appearance, random_z_theta(_stream(cfg, "paths"), len(layouts), cfg.intervene.paths)
-    )
+    tops = pd.concat([stored.appearances[pool], tops], ignore_index=True)
+    noise = recorded_noise(layouts, tops, random_z_theta(_stream(cfg, "paths"), len(layouts), cfg.intervene.paths))
     textures = list(catalogue.textures["name"])
     return Scenes(layouts, catalogue.footprints, catalogue.pool(items), rules, textures), noise, split
 
@@ -162,25 +163,13 @@ def _stream(cfg: DictConfig, name: str) -> np.random.Generator:
     return stream(cfg.intervene.root_seed, "intervene", name)
 
 
-def _draw_additions(cfg: DictConfig, scenes: Scenes, split: slice) -> dict[str, list[Layouts]]:
-    """Return symbol -> the scenes with an added item, one entry per placement; more scenes change none of the split."""
-    parts = [
-        draw_additions(_stream(cfg, name), replace(scenes, layouts=scenes.layouts[rows]), cfg.intervene.placements)
-        for name, rows in (("placements", split), ("more placements", slice(split.stop, None)))
-    ]
-    return {
-        symbol: [concatenated(pair) for pair in zip(*(x[symbol] for x in parts), strict=True)] for symbol in SYMBOLS
-    }
-
-
 def _read_questions(cfg: DictConfig, scenes: Scenes, additions: Mapping) -> tuple[list[Question], list[Values]]:
     """Return every question, one for each user who may take over, and all changes; the first changes nothing.
 
     InputError if a question makes no sense in these scenes, or if a family's questions are asked in different scenes.
     """
     questions, changes, users = [], [{}], list(cfg.users)
-    for name, settings in cfg.questions.items():
-        question = TypeAdapter(QuestionSettings).validate_python(OmegaConf.to_container(settings))
+    for name, question in Asked.of({"questions": cfg.questions}).questions.items():
         placements, where = change(name, question, scenes, additions, _stream(cfg, name))
         family = question.family or name
         if question.kind == "user":
@@ -196,10 +185,8 @@ def _read_questions(cfg: DictConfig, scenes: Scenes, additions: Mapping) -> tupl
     for question in questions:
         first = next(q for q in questions if q.family == question.family)
         if (question.scenes != first.scenes).any():
-            raise InputError(
-                f"family {question.family}: {first.name} and {question.name} are asked in different scenes; "
-                "give each a family of its own"
-            )
+            both = f"family {question.family}: {first.name} and {question.name}"
+            raise InputError(f"{both} are asked in different scenes; give each a family of its own")
     return questions, changes
 
 
@@ -220,17 +207,13 @@ def _together(pairs: Iterable[Pair]) -> list[Float[Array, "question seed scene"]
     return [np.concatenate(side) for side in zip(*pairs, strict=True)]
 
 
-def _effects(
-    variant: str, questions: list[Question], seeds: list[int], pairs: Mapping[str, list[Pair]]
-) -> pd.DataFrame:
+def _effects(variant: str, questions: list[Question], seeds: list[int], pairs: Mapping[str, list]) -> pd.DataFrame:
     """Return a row for each question, user, seed and scene."""
     tables = []
     for q, (baseline, intervened), (before, after) in zip(questions, pairs[variant], pairs[TRUTH], strict=True):
         keys = pd.MultiIndex.from_product([q.users, seeds, np.flatnonzero(q.scenes)], names=["user", "seed", "scene"])
-        columns = {
-            "baseline": baseline, "intervened": intervened, "effect": intervened - baseline,
-            "true_effect": np.broadcast_to(after - before, baseline.shape),
-        }  # fmt: skip
+        columns = {"baseline": baseline, "intervened": intervened, "effect": intervened - baseline}
+        columns["true_effect"] = np.broadcast_to(after - before, baseline.shape)
         columns = {name: values.ravel() for name, values in columns.items()}
         tables.append(keys.to_frame(index=False).assign(question=q.name, variant=variant, **columns))
     return pd.concat(tables, ignore_index=True)

@@ -7,36 +7,18 @@ from omegaconf import DictConfig
 from pydantic import Field
 
 from pipeline.launch import launch
-from pipeline.runtime.settings import Chance, Count, Group, Several, Size, Spread, VariantSettings, Weight
+from pipeline.runtime.settings import Count, Group, Several, Size, VariantSettings
 from pipeline.stages.fitting import fit_variant
-from pipeline.training.irl.fit import trainer
-
-
-class Jitter(Group):
-    """Augmentation of the reward map's training scenes."""
-
-    hue: Weight
-    gain: Spread
-    shift: Spread
-    scene_gain: Spread
-    other_table: Chance
+from pipeline.training.irl.fit import IrlSchedule, trainer
 
 
 class Steps(Group):
-    """Steps of AdamW by objective."""
-
     maxent: Count
     ranked: Count
 
 
-class Settings(Group):
+class Settings(IrlSchedule):
     steps: Steps
-    rate: Size
-    weight_decay: Weight
-    scenes_per_step: Count
-    n_augmentations: Count
-    curve_every: Count
-    color_jitter: Jitter
 
 
 class RewardModel(Group):
@@ -48,8 +30,6 @@ class RewardModel(Group):
 
 
 class Variant(VariantSettings):
-    """A variant of the inverse reinforcement learning baseline."""
-
     stage: Literal["irl"]
     kind: Literal["reward"]
     objective: Literal["maxent", "ranked"]

@@ -12,7 +12,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 from pydantic import AfterValidator, Field
@@ -91,9 +90,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_json(out_dir / "metrics.json", {"curve": ends})
 
 
-def _judge_and_check(
-    new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, judged_set: TrainingSet
-) -> tuple[dict[str, float], dict[str, float | bool]]:
+def _judge_and_check(new_images: Array, model: ValidityModel, judged_set: TrainingSet) -> tuple[dict, dict]:
     """Return the model's accuracy in each split, and whether its training converged by the gate of stage train."""
     return judge(new_images, model, judged_set), convergence(model, judged_set)
 

@@ -4,11 +4,10 @@ from collections.abc import Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
@@ -22,19 +21,16 @@ from pipeline.planning.repair import Ascent, repair
 from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
-from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, widest_margin
+from pipeline.runtime.settings import Count, SharedSplit, Size, Whole, need, widest_margin
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 
 SEARCHED = "clearance"  # the variant whose search results are reported as metrics
 
 
-class Settings(Group):
+class Settings(Ascent):
     split: SharedSplit
     starts: Count
-    steps: Count
-    optimiser: Literal["gradient", "adam"]
-    rate: Size
     distance_penalty: Size
     lattice_side: Count
     refinements: Whole
@@ -53,10 +49,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     check_weights(cfg)
     layouts, r = scenes.layouts[pool], cfg.repair
     candidates = random_z_theta(stream(cfg.scenes.root_seed, "repair", "starts"), len(layouts), r.starts)
-    starts = {
-        user: Starts.of(user, margins, layouts, candidates, r.lattice_side, r.refinements)
-        for user, margins in cfg.users.items()
-    }
+    given = layouts, candidates, r.lattice_side, r.refinements
+    starts = {user: Starts.of(user, margins, *given) for user, margins in cfg.users.items()}
     if not any(len(s.z) for s in starts.values()):
         raise InputError(f"no user has an invalid path among those drawn in {pool}: raise repair.starts")
     models = list(product(cfg.variants, cfg.users, cfg.protocol.seeds))
@@ -72,19 +66,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_json(out_dir / "metrics.json", _metrics(summary))
 
 
-def _repair(
-    cfg: DictConfig,
-    images: UInt8[Array, "scene 100 100 3"],
-    candidates: Float[Array, "scene candidate 2"],
-    job: tuple[str, int, Starts],
-) -> tuple[pd.DataFrame, pd.DataFrame, Float[Array, "start point 2"]]:
-    """Return a model's ends by gradient steps and by search, and its gradient steps [m], the start included."""
+def _repair(cfg: DictConfig, images: Array, candidates: Array, job: tuple[str, int, Starts]) -> tuple:
+    """Return a model's ends by gradient steps and by search (tables), and its gradient steps (start, point, 2) [m]."""
     (variant, seed, s), r = job, cfg.repair
     if len(s.z) == 0:
         return pd.DataFrame(), pd.DataFrame(), np.zeros((0, r.steps + 1, 2), np.float32)
     model = load_model(cfg, variant, s.user, seed, cfg.main_n_demos)
-    ascent = Ascent(r.steps, r.optimiser, float(r.rate))
-    repairs = repair(model, images, candidates, ascent)  # all candidates, so that batches have one shape
+    repairs = repair(model, images, candidates, Ascent.of(r))  # all candidates, so that batches have one shape
     z, p = repairs.z[s.scene, s.start], repairs.p[s.scene, s.start]
     log_valid = by_model(model, images)
     ends, log_p = nearest(log_valid, s.scene, s.z, float(r.distance_penalty), r.lattice_side, r.refinements)
@@ -99,16 +87,11 @@ def _baselines(cfg: DictConfig, scenes: SceneSet, starts: Mapping[str, Starts]) 
     truth of every path there, not only n labels, which makes it a strong baseline.
     """
     tables = []
-    for seed, s in product(cfg.protocol.seeds, starts.values()):
-        if len(s.z) == 0:
-            continue
+    for seed, s in product(cfg.protocol.seeds, [s for s in starts.values() if len(s.z)]):
         rng = stream(cfg.scenes.root_seed, "repair", "random", seed, s.user)
         detour = constant_detour(scenes.layouts[train_pool(seed)], s.margins, cfg.repair.lattice_side)
-        ends = {
-            "random_path": random_z_theta(rng, len(s.z)),
-            "constant_detour": np.broadcast_to(detour, s.z.shape),
-            "oracle": s.nearest,
-        }
+        ends = {"random_path": random_z_theta(rng, len(s.z)), "constant_detour": np.broadcast_to(detour, s.z.shape)}
+        ends["oracle"] = s.nearest
         tables += [rows(s, method, "", seed, z) for method, z in ends.items()]
     return tables
 
@@ -118,11 +101,9 @@ def _metrics(summary: pd.DataFrame) -> dict:
     by_method = {str(method): part.set_index("user") for method, part in summary.groupby("method")}
     gradient, detour, search = (by_method[name] for name in ("gradient", "constant_detour", "nearest"))
     success = {str(variant): part["success"].to_dict() for variant, part in gradient.groupby("variant", sort=False)}
+    success["constant_detour"] = detour["success"].to_dict()
     search = search.loc[search["variant"] == SEARCHED, ["success", "displacement_ratio", "unsafe"]]
-    return {
-        "repair": success | {"constant_detour": detour["success"].to_dict()},
-        "search": {SEARCHED: search.to_dict("index")},
-    }
+    return {"repair": success, "search": {SEARCHED: search.to_dict("index")}}
 
 
 if __name__ == "__main__":

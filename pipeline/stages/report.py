@@ -1,6 +1,7 @@
 """Stage report: write the pages with their figures and tables, and the metrics of all stages in one metrics.json."""
 
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -109,8 +110,7 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
     scenes.check_has(pool, train_pool(seed))
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     mapped = list(range(min(cfg.report.scenes, len(images))))
-    shown = compared(cfg)
-    side, users = cfg.report.map_side, list(cfg.evaluate.users)
+    shown, side, users = compared(cfg), cfg.report.map_side, list(cfg.evaluate.users)
     maps = {v: {u: _predicted_map(cfg, v, u, images[mapped], side) for u in users} for v in shown}
     palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))[1]
     render_seeds = scenes.appearances[pool]["render_seed"].iloc[mapped].tolist()
@@ -142,18 +142,16 @@ def _judged(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
     queries, demos = read_queries(Path(cfg.paths.demos)), read_demos(Path(cfg.paths.demos))
     key, parts, blind = ["user", "split", "seed", "scene", "query"], [], []
     prior = read_position_prior(Path(cfg.paths.scenes))
-    for user in cfg.evaluate.users:
-        for split, shared in cfg.protocol.splits.items():
-            for seed in cfg.protocol.seeds:
-                pool = shared or train_pool(seed)
-                tops, asked = list(scenes.appearances[pool]["texture"]), queries[pool]
-                rows = describe(scenes.layouts[pool], asked.z, cfg.users[user], tops)
-                rows = rows.assign(user=user, split=split, seed=seed, valid=asked.valid[user].ravel())
-                parts.append(rows)
-                blind.append(rows.assign(variant=POSITION, p=position_only(prior[user], asked.z).ravel()))
-                if shared is None:
-                    p = nearest_demonstration(*demo_arrays(demos, seed, user, cfg.main_n_demos), asked.z)
-                    blind.append(rows.assign(variant=NEAREST, p=p.ravel()))
+    for user, (split, shared), seed in product(cfg.evaluate.users, cfg.protocol.splits.items(), cfg.protocol.seeds):
+        pool = shared or train_pool(seed)
+        tops, asked = list(scenes.appearances[pool]["texture"]), queries[pool]
+        rows = describe(scenes.layouts[pool], asked.z, cfg.users[user], tops)
+        rows = rows.assign(user=user, split=split, seed=seed, valid=asked.valid[user].ravel())
+        parts.append(rows)
+        blind.append(rows.assign(variant=POSITION, p=position_only(prior[user], asked.z).ravel()))
+        if shared is None:
+            p = nearest_demonstration(*demo_arrays(demos, seed, user, cfg.main_n_demos), asked.z)
+            blind.append(rows.assign(variant=NEAREST, p=p.ravel()))
     paths = pd.concat(parts, ignore_index=True)
     for variant in compared(cfg):
         p = read_table(model_dir(cfg, variant) / "predictions.parquet", PREDICTION_COLUMNS)
@@ -177,20 +175,14 @@ def _true_map(cfg: DictConfig, user: str, layouts: Layouts, side: int) -> np.nda
 
 def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:
     """Return the settings that pages print."""
-    paper = cfg.variants.get("full")
-    return provenance(cfg) | {
-        "patterned_top": cfg.report.patterned_top,
-        "studies": {name: study.question for name, study in cfg.studies.items()},
-        "scenes_per_seed": cfg.scenes.per_seed,
-        "test_scenes": len(scenes.images[cfg.protocol.splits[cfg.repair.split]]),
-        "effect_scenes": len(scenes.images[cfg.protocol.splits[cfg.intervene.split]]) + cfg.intervene.more_scenes,
-        "repair_steps": cfg.repair.steps,
-        "optimiser": cfg.repair.optimiser,
-        "repair_rate": cfg.repair.rate,
-        "distance_penalty": cfg.repair.distance_penalty,
-        "train": cfg.train,
-        "weights": None if paper is None else {name: paper[name] for name in ("alpha", "beta", "gamma")},
-    }
+    paper, repair, splits = cfg.variants.get("full"), cfg.repair, cfg.protocol.splits
+    facts = {"patterned_top": cfg.report.patterned_top, "train": cfg.train, "scenes_per_seed": cfg.scenes.per_seed}
+    facts |= {"repair_steps": repair.steps, "repair_rate": repair.rate, "optimiser": repair.optimiser}
+    facts |= {"distance_penalty": repair.distance_penalty, "test_scenes": len(scenes.images[splits[repair.split]])}
+    facts["effect_scenes"] = len(scenes.images[splits[cfg.intervene.split]]) + cfg.intervene.more_scenes
+    facts["studies"] = {name: study.question for name, study in cfg.studies.items()}
+    facts["weights"] = None if paper is None else {name: paper[name] for name in ("alpha", "beta", "gamma")}
+    return provenance(cfg) | facts
 
 
 if __name__ == "__main__":

@@ -13,19 +13,7 @@ from tqdm import tqdm
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import SceneSet, train_pool, write_scenes
 from pipeline.launch import launch
-from pipeline.runtime.settings import (
-    Chance,
-    Count,
-    Distance,
-    Group,
-    Range,
-    Several,
-    ShareRange,
-    Size,
-    Spread,
-    Whole,
-    need,
-)
+from pipeline.runtime.settings import Count, Group, Several, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import lattice, random_z_theta
 from pipeline.world.catalogue import random_scenes, read_catalogue
@@ -36,26 +24,6 @@ from pipeline.world.rules import PAPER_P_VALID, clearance, slack
 CHUNK = 10  # scenes per batch of clearances, so that distances stay in the cache
 
 
-class Layout(Group):
-    items_per_scene: list[Whole]
-    glasses_chance: list[Chance]
-    centre_low: Chance  # [m], as is centre_high
-    centre_high: Chance
-    clear_of_ends: Distance
-    clear_of_items: Distance
-    scale_low: Size
-    scale_high: Size
-    slots: Count
-
-
-class Source(Group):
-    exposure: Range
-    white_balance: Spread
-    fall_off: ShareRange
-    vignette: ShareRange
-    noise: ShareRange
-
-
 class Settings(Group):
     root_seed: Whole
     per_seed: Count
@@ -64,8 +32,8 @@ class Settings(Group):
     calibration: Count
     calibration_paths: Count
     prior_side: Count
-    layout: Layout
-    source: Source
+    layout: LayoutRules
+    source: ImageSource
 
     @model_validator(mode="after")
     def _agrees(self) -> "Settings":
@@ -87,12 +55,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     rules = LayoutRules.of(cfg.scenes.layout)
     palette = Palette(catalogue, ImageSource.of(cfg.scenes.source))
     pools = {train_pool(seed): (cfg.scenes.per_seed, "train") for seed in [*cfg.seeds, *cfg.validation_seeds]}
-    pools |= {
-        "new_scenes": (cfg.scenes.shared, "train"),
-        "new_items": (cfg.scenes.shared, "unseen"),
-        "val_scenes": (cfg.scenes.validation, "train"),
-        "val_items": (cfg.scenes.validation, "validation"),
-    }
+    shared, validation = cfg.scenes.shared, cfg.scenes.validation
+    pools |= {"new_scenes": (shared, "train"), "new_items": (shared, "unseen")}
+    pools |= {"val_scenes": (validation, "train"), "val_items": (validation, "validation")}
     images, layouts, appearances = {}, {}, {}
     for pool, (count, split) in tqdm(pools.items(), desc="scenes"):
         layouts[pool], appearances[pool] = random_scenes(_generator(cfg, pool), count, catalogue, split, rules)
@@ -134,9 +99,7 @@ def _p_valid(cfg: DictConfig, worlds: dict[str, Layouts], z: Float[Array, "scene
     return table.sort_values("user", kind="stable", key=lambda users: users.map(list(cfg.users).index))
 
 
-def _count_valid(
-    cfg: DictConfig, layouts: Layouts, z: Float[Array, "scene path 2"], desc: str
-) -> dict[str, Int[Array, " path"]]:
+def _count_valid(cfg: DictConfig, layouts: Layouts, z: Array, desc: str) -> dict[str, Int[Array, " path"]]:
     """Return by user, for each column of `z`, the number of scenes in which that path [m] is truly valid."""
     counts = {user: np.zeros(z.shape[1], dtype=int) for user in cfg.users}
     for first in tqdm(range(0, len(layouts), CHUNK), desc=desc, leave=False):

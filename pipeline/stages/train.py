@@ -7,8 +7,10 @@ from omegaconf import DictConfig
 from pydantic import Field
 
 from pipeline.launch import launch
-from pipeline.runtime.settings import Count, Group, ScheduleSettings, Size, VariantSettings, Weight
+from pipeline.models.vae.losses import Weights
+from pipeline.runtime.settings import Count, Group, VariantSettings
 from pipeline.stages.fitting import fit_variant
+from pipeline.training.loop import Schedule
 from pipeline.training.vae.engines import engine, trainer
 
 
@@ -18,20 +20,14 @@ class VaeModel(Group):
     hidden: Count
 
 
-class Settings(ScheduleSettings):
-    adam_beta2: Annotated[float, Field(ge=0, lt=1)]
+class Settings(Schedule):
     engine: Literal["auto", "simd", "cuda", "reference"]
     model: VaeModel
 
 
-class Variant(VariantSettings):
-    """A variant of the paper's model: the weights of Eq. 1."""
-
+class Variant(VariantSettings, Weights):
     stage: Literal["train"]
     kind: Literal["vae"]
-    alpha: Weight
-    beta: Weight
-    gamma: Size  # at 0 the classifier is never trained
     model: VaeModel
 
 

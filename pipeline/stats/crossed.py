@@ -16,22 +16,25 @@ from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from scipy.stats import t as student
 
+Effects = Float[Array, "question seed scene"]
+Means = Float[Array, " question"]
+
 
 @dataclass(frozen=True)
 class Estimates:
     """Estimates of each question's mean effect; all fields have shape (question,)."""
 
-    effect: Float[Array, " question"]  # mean over seeds and scenes
-    ci_low: Float[Array, " question"]  # 95 % interval
-    ci_high: Float[Array, " question"]
-    ci90_low: Float[Array, " question"]  # 90 % interval, for the equivalence test
-    ci90_high: Float[Array, " question"]
-    p: Float[Array, " question"]  # two-sided p-value of zero mean
-    q1: Float[Array, " question"]  # quartiles over seeds of the mean effect
-    q3: Float[Array, " question"]
+    effect: Means  # mean over seeds and scenes
+    ci_low: Means  # 95 % interval
+    ci_high: Means
+    ci90_low: Means  # 90 % interval, for the equivalence test
+    ci90_high: Means
+    p: Means  # two-sided p-value of zero mean
+    q1: Means  # quartiles over seeds of the mean effect
+    q3: Means
 
 
-def estimate(effects: Float[Array, "question seed scene"], skewed: bool = False) -> Estimates:
+def estimate(effects: Effects, skewed: bool = False) -> Estimates:
     """Return each question's mean effect with Student's intervals and p-value, from the error of `crossed_error`.
 
     skewed: correct them for the skewness of the scenes' means by Hall's transformation (1992). If few scenes decide, a
@@ -58,9 +61,7 @@ def estimate(effects: Float[Array, "question seed scene"], skewed: bool = False)
     return Estimates(mean, low95, high95, low90, high90, p, q1, q3)
 
 
-def ratio(
-    numerators: Float[Array, "question seed scene"], denominators: Float[Array, "question seed scene"]
-) -> Estimates:
+def ratio(numerators: Effects, denominators: Effects) -> Estimates:
     """Return estimates of sum(numerators) / sum(denominators), with the standard error of `linearised`.
 
     Suitable for rates of events that occur unequally often across seeds and scenes, or not at all in some.
@@ -68,17 +69,13 @@ def ratio(
     return estimate(linearised(numerators, denominators))
 
 
-def linearised(
-    numerators: Float[Array, "question seed scene"], denominators: Float[Array, "question seed scene"]
-) -> Float[Array, "question seed scene"]:
+def linearised(numerators: Effects, denominators: Effects) -> Effects:
     """Return values with the ratio of sums as mean and nearly the ratio's standard error (Cochran, 1977, Chapter 6)."""
     rate = numerators.sum((1, 2), keepdims=True) / denominators.sum((1, 2), keepdims=True)
     return rate + (numerators - rate * denominators) / denominators.mean((1, 2), keepdims=True)
 
 
-def mean_squares(
-    effects: Float[Array, "question seed scene"],
-) -> tuple[Float[Array, " question"], Float[Array, " question"], Float[Array, " question"]]:
+def mean_squares(effects: Effects) -> tuple[Means, Means, Means]:
     """Return the mean squares of seeds, scenes and residuals in a two-way layout without replication.
 
     With a single seed, the mean squares of seeds and residuals are 0.
@@ -88,16 +85,11 @@ def mean_squares(
     mean = effects.mean((-2, -1), keepdims=True)
     by_seed, by_scene = effects.mean(-1, keepdims=True) - mean, effects.mean(-2, keepdims=True) - mean
     rest = effects - mean - by_seed - by_scene
-    return (
-        scenes * (by_seed**2).sum((-2, -1)) / f_seed,
-        seeds * (by_scene**2).sum((-2, -1)) / f_scene,
-        (rest**2).sum((-2, -1)) / f_rest,
-    )
+    of_seeds, of_scenes, of_rest = ((part**2).sum((-2, -1)) for part in (by_seed, by_scene, rest))
+    return scenes * of_seeds / f_seed, seeds * of_scenes / f_scene, of_rest / f_rest
 
 
-def crossed_error(
-    effects: Float[Array, "question seed scene"],
-) -> tuple[Float[Array, " question"], Float[Array, " question"]]:
+def crossed_error(effects: Effects) -> tuple[Means, Means]:
     """Return each mean's standard error over random seeds crossed with random scenes, and its degrees of freedom.
 
     The variance of the mean is (MS_seed + MS_scene - MS_rest) / (seeds * scenes); negative variance components are 0.
@@ -107,11 +99,8 @@ def crossed_error(
     seeds, scenes = effects.shape[-2:]
     by_seed, by_scene, rest = mean_squares(effects)
     seeds_vary, scenes_vary = by_seed > rest, by_scene > rest
-    terms = (
-        np.where(seeds_vary, by_seed, 0.0),
-        np.where(scenes_vary, by_scene, 0.0),
-        np.where(seeds_vary & scenes_vary, -rest, np.where(seeds_vary | scenes_vary, 0.0, rest)),
-    )
+    of_rest = np.where(seeds_vary & scenes_vary, -rest, np.where(seeds_vary | scenes_vary, 0.0, rest))
+    terms = np.where(seeds_vary, by_seed, 0.0), np.where(scenes_vary, by_scene, 0.0), of_rest
     total = np.sum(terms, axis=0)
     freedoms = _degrees_of_freedom(seeds, scenes)
     spread = np.sum([term**2 / f for term, f in zip(terms, freedoms, strict=True)], axis=0)

@@ -2,13 +2,14 @@
 
 import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
+from pydantic import Field
 from torch import Tensor, nn
 from torch.func import stack_module_state
 from torch.optim import AdamW
@@ -16,6 +17,7 @@ from torch.optim.lr_scheduler import OneCycleLR
 
 from pipeline.models.base import ValidityModel, untrained
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.settings import Count, Group, Size, Weight
 
 MIN_OWN_DEMONSTRATIONS = 0.995  # share judged right that a converged model reaches
 Model = TypeVar("Model", bound=nn.Module)
@@ -24,26 +26,14 @@ Model = TypeVar("Model", bound=nn.Module)
 Losses = tuple[Tensor | None, Sequence[Tensor]]
 
 
-@dataclass(frozen=True)
-class Schedule:
+class Schedule(Group):
     """Length and speed of training (conf/train.yaml, conf/clearance.yaml; conf/irl.yaml extends it)."""
 
-    steps: int  # optimiser steps
-    rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
-    weight_decay: float
-    curve_every: int  # steps between two points of the learning curve
-    adam_beta2: float = field(default=0.999, kw_only=True)  # decay of AdamW's mean squared gradient
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "Schedule":
-        """Return the schedule in conf/train.yaml or conf/clearance.yaml."""
-        return cls(**{own.name: values[own.name] for own in fields(cls) if own.name in values})
-
-    def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
-        """Return AdamW for `parameters` and its learning-rate schedule; step both after each gradient."""
-        betas = 0.9, self.adam_beta2
-        optimiser = AdamW(parameters, lr=self.rate, betas=betas, weight_decay=self.weight_decay, fused=True)
-        return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
+    steps: Count  # optimiser steps
+    rate: Size  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
+    weight_decay: Weight
+    curve_every: Count  # steps between two points of the learning curve
+    adam_beta2: Annotated[float, Field(ge=0, lt=1)] = 0.999  # decay of AdamW's mean squared gradient
 
 
 class Checkpoints:
@@ -67,17 +57,16 @@ class Checkpoints:
 
 
 def minimise(
-    loss: Callable[[], Losses | None],
-    parameters: Iterable[Tensor],
-    schedule: Schedule,
-    before_step: Callable[[int], object] = lambda step: None,
+    loss: Callable[[], Any], parameters: Iterable[Tensor], schedule: Schedule, before_step: Callable = lambda _: None
 ) -> Float[Array, "point column *model"]:
     """Minimise `loss` over `parameters` in `schedule.steps` steps; return the learning curve.
 
     A curve point is (step, *losses) before that step's update, every `curve_every` steps and at the last one. If `loss`
     returns None, the step changes no parameter and adds no point. `before_step` is called with each step's number.
     """
-    optimiser, learning_rate = schedule.optimiser(parameters)
+    rate, betas = schedule.rate, (0.9, schedule.adam_beta2)
+    optimiser = AdamW(parameters, lr=rate, betas=betas, weight_decay=schedule.weight_decay, fused=True)
+    learning_rate = OneCycleLR(optimiser, rate, total_steps=schedule.steps)
     points: list[Array] = []
     for step in range(schedule.steps):
         before_step(step)
@@ -134,18 +123,10 @@ def rule_of_succession(valid: Bool[Array, "*demo"]) -> float:
     return (int(valid.sum()) + 1) / (valid.size + 2)
 
 
-def fit_varied(
-    descend: Callable[..., list[Array]],
-    set_constant: Callable[[Any, float], Sequence[float]],
-    models: Sequence[ValidityModel],
-    images: Sequence[UInt8[Array, "scene 100 100 3"]],
-    z_theta: Sequence[Float[Array, "scene _ 2"]],
-    valid: Sequence[Bool[Array, "scene _"]],
-    seeds: Sequence[int],
-    checkpoints: Checkpoints | None = None,
-) -> list[Float[Array, "point column"]]:
-    """Train models in place, each on its demonstrations [m], by one call of `descend`; return their learning curves.
+def fit_varied(descend, set_constant, models, images, z_theta, valid, seeds, checkpoints=None) -> list[Array]:
+    """Train models in place, each on its demonstrations, by one call of `descend`; return curves (point, column).
 
+    images, z_theta and valid of each model: as of a `TrainingSet`, with its own number of demonstrations a scene.
     A model with equal labels stays untrained: `set_constant`(model, P) makes it answer Laplace's P(valid) for every
     path, and returns the losses in its curve's only point. `checkpoints` keeps the others' weights on the way.
     """

@@ -5,11 +5,11 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
-from pipeline.models.base import ValidityModel
+from pipeline.models.base import Images, ValidityModel
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import job_seed
 from pipeline.training.clearance import fit as clearance
@@ -18,6 +18,7 @@ from pipeline.training.loop import Trainer, TrainingSet
 from pipeline.training.vae import engines
 
 Answer = TypeVar("Answer")
+Sets = Mapping[str, Sequence[TrainingSet]]  # by variant
 TRAINERS = {"train": engines.trainer, "irl": irl.trainer, "clearance": clearance.trainer}  # by stage
 
 
@@ -27,26 +28,19 @@ def trainer(variant: Mapping[str, Any], groups: Mapping[str, Any]) -> Trainer:
 
 
 def refit_and_predict(
-    cfg: DictConfig,
-    training_sets: Mapping[str, Sequence[TrainingSet]],
-    images: UInt8[Array, "image 100 100 3"],
-    z_theta: Float[Array, "image path 2"],
-    desc: str,
-) -> dict[str, Float32[Array, "training_set image path"]]:
+    cfg: DictConfig, training_sets: Sets, images: Images, z_theta: Float[Array, "scene path 2"], desc: str
+) -> dict[str, Float32[Array, "training_set scene path"]]:
     """Fit every variant to its training sets; return each model's P(valid) of every path [m] in its image."""
     p = refit(cfg, training_sets, partial(_predict, images, z_theta), desc)
     return {variant: np.stack(p_of_variant) for variant, p_of_variant in p.items()}
 
 
-def _predict(images: Array, z_theta: Array, model: ValidityModel, _: TrainingSet) -> Float32[Array, "image path"]:
+def _predict(images: Array, z_theta: Array, model: ValidityModel, _: TrainingSet) -> Float32[Array, "scene path"]:
     return model.probability(images, z_theta)
 
 
 def refit(
-    cfg: DictConfig,
-    training_sets: Mapping[str, Sequence[TrainingSet]],
-    evaluate: Callable[[ValidityModel, TrainingSet], Answer],
-    desc: str,
+    cfg: DictConfig, training_sets: Sets, evaluate: Callable[[ValidityModel, TrainingSet], Answer], desc: str
 ) -> dict[str, list[Answer]]:
     """Fit every variant to its training sets; return `evaluate`(model, training set) of each; results must pickle.
 

@@ -37,6 +37,8 @@ NAMED = {
     "source": pa.Column(str, pa.Check.str_length(min_value=1)),
     "licence": pa.Column(str, pa.Check.str_length(min_value=1)),
 }
+FLAT = "a disc has half_length_m 0, a capsule more than 0"
+WIDE = "the footprint is wider than the cutout: width_m must be at least 2 (radius_m + half_length_m)"
 ITEMS = pa.DataFrameSchema(
     NAMED
     | {
@@ -46,14 +48,8 @@ ITEMS = pa.DataFrameSchema(
         "half_length_m": pa.Column(float, pa.Check.in_range(0.0, 0.5), coerce=True),
     },
     checks=[
-        pa.Check(
-            lambda t: (t["shape"] == "disc") == (t["half_length_m"] == 0),
-            error="a disc has half_length_m 0, a capsule more than 0",
-        ),
-        pa.Check(
-            lambda t: 2 * (t["radius_m"] + t["half_length_m"]) <= t["width_m"] * 1.001,
-            error="the footprint is wider than the cutout: width_m must be at least 2 (radius_m + half_length_m)",
-        ),
+        pa.Check(lambda t: (t["shape"] == "disc") == (t["half_length_m"] == 0), error=FLAT),
+        pa.Check(lambda t: 2 * (t["radius_m"] + t["half_length_m"]) <= t["width_m"] * 1.001, error=WIDE),
     ],
     strict=True,
 )
@@ -106,9 +102,8 @@ def read_catalogue(data_dir: Path) -> Catalogue:
     for split, least in MIN_ITEMS.items():
         counts = items.loc[items["split"] == split, "symbol"].value_counts().reindex(SYMBOLS, fill_value=0)
         if short := [f"{count} of {symbol}" for symbol, count in counts.items() if count < least]:
-            raise InputError(
-                f"items.csv has too few {split} items ({', '.join(short)}): expected at least {least} of each symbol"
-            )
+            found = f"items.csv has too few {split} items ({', '.join(short)})"
+            raise InputError(f"{found}: expected at least {least} of each symbol")
     if not (textures["split"] == "train").any():
         raise InputError("textures.csv has no train texture: add at least one")
     cutouts = [_read_cutout(data_dir / row.file, row) for row in items.itertuples()]
@@ -151,9 +146,8 @@ def _read_cutout(path: Path, row: Any) -> UInt8[Array, "side side 4"]:
     if channels != 4:
         raise InputError(f"{path} has no alpha channel: cut the item out and save it as RGBA")
     if width != height or width < MIN_SIDE_PX:
-        raise InputError(
-            f"{path} is {width} x {height} pixels: a cutout is square, at least {MIN_SIDE_PX} pixels a side"
-        )
+        square = f"a cutout is square, at least {MIN_SIDE_PX} pixels a side"
+        raise InputError(f"{path} is {width} x {height} pixels: {square}")
     alpha = rgba[..., 3]
     if alpha.min() == 255 or alpha.max() == 0:
         raise InputError(f"{path} has the same alpha everywhere: the table around the item must be transparent")

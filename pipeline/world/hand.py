@@ -4,14 +4,13 @@ A trajectory is an array (sample, 4) of t [s], x, y, z [m]. The height z carries
 demonstrations are made in a plane above the table (paper, Section "Dataset").
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
+from pipeline.runtime.settings import Distance, Group, Pair, Size, Spread
 from pipeline.world.bezier import curve
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, line_clearance, slack
@@ -19,26 +18,18 @@ from pipeline.world.rules import Margins, line_clearance, slack
 ARC_POINTS = 513  # points on the intended path for measuring its arc length
 
 
-@dataclass(frozen=True)
-class Hand:
+class Hand(Group):
     """Parameters of the simulated hand and of the arm's sampling (conf/demos.yaml)."""
 
-    rate_hz: float  # sampling rate
-    jitter_s: float  # standard deviation of the sampling times
-    speed_m_s: float  # median over movements of the mean speed along the path
-    speed_spread: float  # standard deviation over movements of the log of the mean speed
-    tremor_m: float  # root mean square tremor per coordinate
-    tremor_hz: tuple[float, float]  # frequency band of physiological tremor
-    drift_m: float  # standard deviation per coordinate of the slowest component of the deviation from the intended path
+    rate_hz: Size  # sampling rate
+    jitter_s: Spread  # standard deviation of the sampling times
+    speed_m_s: Size  # median over movements of the mean speed along the path
+    speed_spread: Spread  # standard deviation over movements of the log of the mean speed
+    tremor_m: Distance  # root mean square tremor per coordinate
+    tremor_hz: Pair  # frequency band of physiological tremor
+    drift_m: Distance  # standard deviation per coordinate of the slowest deviation from the intended path
     height_m: float  # mean height of the hand above the table
-    height_drift_m: float  # standard deviation of the height's slow variation
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "Hand":
-        """Return the hand described by `demos.hand` of conf/."""
-        low, high = values["tremor_hz"]
-        numbers = {name: float(value) for name, value in values.items() if name != "tremor_hz"}
-        return cls(**numbers, tremor_hz=(float(low), float(high)))
+    height_drift_m: Distance  # standard deviation of the height's slow variation
 
 
 def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -> Float[Array, "sample 4"]:
@@ -71,9 +62,7 @@ def _tremor(rng: np.random.Generator, t: Float[Array, " sample"], axes: int, han
     return hand.tremor_m * (weight * waves).sum(1)
 
 
-def _drift(
-    rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float, axes: int, tied: bool
-) -> Float[Array, "sample axis"]:
+def _drift(rng: np.random.Generator, tau: Array, size_m: float, axes: int, tied: bool) -> Float[Array, "sample axis"]:
     """Draw a slow deviation [m]: three half-waves with amplitudes ~ 1/k, zero at both ends if `tied`."""
     k = np.arange(1, 4)
     weight = size_m * rng.standard_normal((3, axes)) / k[:, None]
@@ -87,12 +76,6 @@ def join(trajectories: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "tot
     return np.concatenate(trajectories) if len(trajectories) else np.empty((0, 4)), offsets
 
 
-def polylines(samples: Float[Array, "total 4"], offsets: Int[Array, " bound"]) -> Float[Array, "trajectory point 2"]:
-    """Return the trajectories as polylines [m]; shorter ones repeat their last point."""
-    place = np.minimum(np.arange(np.diff(offsets).max()), np.diff(offsets)[:, None] - 1)  # (trajectory, point)
-    return samples[offsets[:-1, None] + place, 1:3]
-
-
 def valid_trajectories(
     layouts: Layouts, samples: Float[Array, "total 4"], offsets: Int[Array, " bound"], margins: Margins
 ) -> Bool[Array, "scene demo"]:
@@ -100,6 +83,7 @@ def valid_trajectories(
 
     Trajectories are ordered by scene, with the same number per scene.
     """
-    lines = polylines(samples, offsets)
-    lines = lines.reshape(len(layouts), -1, *lines.shape[1:])  # (scene, demo, point, 2)
+    counts = np.diff(offsets)
+    place = np.minimum(np.arange(counts.max()), counts[:, None] - 1)  # shorter ones repeat their last point
+    lines = samples[offsets[:-1, None] + place, 1:3].reshape(len(layouts), -1, place.shape[1], 2)
     return slack(layouts, line_clearance(layouts, lines), margins) > 0

@@ -4,18 +4,19 @@ A capsule holds all points within `radius` of a segment of half-length `half_len
 cutlery is a long, thin capsule.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import yaml
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.settings import Chance, Count, Distance, Group, Size, Whole
 from pipeline.world.bezier import P_F, P_INIT
 
 SIDE = 100  # pixels per side of a table image, and so per metre
@@ -23,27 +24,20 @@ EMPTY = -1  # symbol index of an empty slot
 MAX_TRIES = 1000  # random draws of a scene, or of an added item's position, before giving up
 
 
-_Share = Annotated[float, Field(ge=0, le=1)]
-
-
-class Symbol(BaseModel, extra="forbid", strict=True, frozen=True):
+class Symbol(Group):
     """The appearance of one kind of item; the defaults suit an opaque, flat object."""
 
-    concavity: _Share = 0.0  # gain in brightness of a hollow item on the side away from the lamp
-    shadow: _Share = 0.34  # share of the lamp's light that its shadow blocks
-    height_m: _Share = 0.009  # height that shifts its shadow away from the lamp [m]
+    concavity: Chance = 0.0  # gain in brightness of a hollow item on the side away from the lamp
+    shadow: Chance = 0.34  # share of the lamp's light that its shadow blocks
+    height_m: Chance = 0.009  # height that shifts its shadow away from the lamp [m]
     transparent: bool = False  # the table shows through, but the rim casts the shadow of a solid item
 
 
-def read_symbols(path: Path) -> dict[str, Symbol]:
-    """Return the kinds of item in a symbols.yaml; raise InputError for an unknown key or a value out of range."""
-    try:
-        return TypeAdapter(dict[str, Symbol]).validate_python(yaml.safe_load(path.read_text()))
-    except (yaml.YAMLError, ValidationError) as error:
-        raise InputError(f"{path}: {' '.join(str(error).split())}") from error
-
-
-_KINDS = read_symbols(Path(__file__).with_name("symbols.yaml"))
+_FILE = Path(__file__).with_name("symbols.yaml")
+try:
+    _KINDS = TypeAdapter(dict[str, Symbol]).validate_python(yaml.safe_load(_FILE.read_text()))
+except (yaml.YAMLError, ValidationError) as error:
+    raise InputError(f"{_FILE}: {' '.join(str(error).split())}") from error
 SYMBOLS, APPEARANCES = tuple(_KINDS), tuple(_KINDS.values())  # layouts store a symbol as its position
 
 
@@ -116,26 +110,18 @@ class Items:
     radius: Float[Array, " item"]
 
 
-@dataclass(frozen=True)
-class LayoutRules:
+class LayoutRules(Group):
     """Rules for drawing scenes (conf/scenes.yaml): numbers of items, probabilities and minimum distances."""
 
-    items_per_scene: tuple[int, ...]  # numbers of items, drawn uniformly
-    glasses_chance: tuple[float, ...]  # probability of 0, 1, 2, ... glasses in a scene
-    centre_low: float  # item centres are uniform on [centre_low, centre_high]^2 [m]
-    centre_high: float
-    clear_of_ends: float  # minimum distance from a footprint to P_INIT and P_F [m]
-    clear_of_items: float  # minimum distance between two footprints [m]
-    scale_low: float  # item size relative to its catalogue entry
-    scale_high: float
-    slots: int = 4
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "LayoutRules":
-        """Return the rules in `scenes.layout` of conf/scenes.yaml."""
-        lists = ("items_per_scene", "glasses_chance")
-        plain: dict[str, Any] = {name: tuple(v) if name in lists else v for name, v in values.items()}
-        return cls(**plain)
+    items_per_scene: Annotated[tuple[Whole, ...], Field(strict=False)]  # numbers of items, drawn uniformly
+    glasses_chance: Annotated[tuple[Chance, ...], Field(strict=False)]  # probability of 0, 1, 2, ... glasses in a scene
+    centre_low: Chance  # item centres are uniform on [centre_low, centre_high]^2 [m]
+    centre_high: Chance
+    clear_of_ends: Distance  # minimum distance from a footprint to P_INIT and P_F [m]
+    clear_of_items: Distance  # minimum distance between two footprints [m]
+    scale_low: Size  # item size relative to its catalogue entry
+    scale_high: Size
+    slots: Count = 4
 
 
 def empty(scenes: int, slots: int) -> Layouts:
@@ -172,13 +158,11 @@ def random_layouts(
             symbols = np.concatenate([np.full(glasses, glass), others]).astype(int)
             if all(_place(rng, layouts, scene, slot, int(s), items, pool, rules) for slot, s in enumerate(symbols)):
                 break
-            layouts.symbol[scene] = EMPTY
-            layouts.item[scene] = EMPTY
+            layouts.symbol[scene] = layouts.item[scene] = EMPTY
         else:
-            raise InputError(
-                f"no room for {' or '.join(map(str, rules.items_per_scene))} items in {MAX_TRIES} tries: lower "
-                "scenes.layout.clear_of_ends or clear_of_items, or ask for fewer items"
-            )
+            found = f"no room for {' or '.join(map(str, rules.items_per_scene))} items in {MAX_TRIES} tries"
+            fewer = "lower scenes.layout.clear_of_ends or clear_of_items, or ask for fewer items"
+            raise InputError(f"{found}: {fewer}")
     return layouts
 
 
@@ -199,17 +183,7 @@ def add_item(
     return added
 
 
-def _place(
-    rng: np.random.Generator,
-    layouts: Layouts,
-    scene: int,
-    slot: int,
-    symbol: int,
-    items: Items,
-    pool: Int[Array, " pool"],
-    rules: LayoutRules,
-    tries: int = 50,
-) -> bool:
+def _place(rng, layouts, scene, slot, symbol, items, pool, rules: LayoutRules, tries: int = 50) -> bool:
     """Place a random item of `symbol` in `slot`, clear of path ends and other items; return False on failure."""
     choices = pool[items.symbol[pool] == symbol]
     if len(choices) == 0:
@@ -244,8 +218,6 @@ def allowed(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) ->
     others[index] = False
     gaps = segment_distance(segment[:, None], layouts.ends) - layouts.radius - radius[:, None]
     from_ends = [point_segment_distance(p, segment[:, 0], segment[:, 1]) - radius for p in (P_INIT, P_F)]
-    return (
-        ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all(-1)
-        & (np.where(others, gaps, np.inf).min(-1) >= rules.clear_of_items)
-        & (np.min(from_ends, axis=0) >= rules.clear_of_ends)
-    )
+    clear = np.where(others, gaps, np.inf).min(-1) >= rules.clear_of_items
+    clear &= np.min(from_ends, axis=0) >= rules.clear_of_ends
+    return clear & ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all(-1)

@@ -4,11 +4,11 @@ Light and table top depend only on the scene's render seed, never on its items. 
 pixels of the item and its shadow.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from jaxtyping import Float, Float32, UInt8
 from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.settings import Group, Range, ShareRange, Spread
 from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import APPEARANCES, SIDE, Layouts, Symbol
 
@@ -32,26 +33,14 @@ TEXTURE_PX_PER_M = 150.0  # textures are halved while they keep at least this re
 _LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP  # matrices map image to source
 
 
-Range = tuple[float, float]  # the least and the greatest value; the render seed draws one, uniformly
-
-
-@dataclass(frozen=True)
-class ImageSource:
-    """Ranges that the render seed draws from; the defaults are those of conf/scenes.yaml."""
+class ImageSource(Group):
+    """Ranges that the render seed draws from, uniformly; the defaults are those of conf/scenes.yaml."""
 
     exposure: Range = (0.86, 1.08)
-    white_balance: float = 0.025
-    fall_off: Range = (0.02, 0.12)
-    vignette: Range = (0.02, 0.10)
-    noise: Range = (0.006, 0.016)
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "ImageSource":
-        """Return the source in `scenes.source` of the parameters."""
-        plain: dict[str, Any] = {
-            name: tuple(map(float, v)) if isinstance(v, Sequence) else float(v) for name, v in values.items()
-        }
-        return cls(**plain)
+    white_balance: Spread = 0.025
+    fall_off: ShareRange = (0.02, 0.12)
+    vignette: ShareRange = (0.02, 0.10)
+    noise: ShareRange = (0.006, 0.016)
 
 
 DRAWN = ImageSource()

@@ -14,6 +14,7 @@ from pipeline.world.bezier import curve
 from pipeline.world.layout import SYMBOLS, Layouts, point_segment_distance, segment_distance
 
 Margins = Mapping[str, float | None]  # symbol -> margin [m]; None: the user does not avoid this symbol
+Clearances = Float[Array, "scene path slot"]  # [m]
 PAPER_P_VALID = {  # Table 2 of the paper, to which the users' margins are calibrated
     "careful": {"none": 0.43, "bowl": 0.27, "plate": 0.28, "cutlery": 0.31, "glass": 0.30},
     "normal": {"none": 0.62, "bowl": 0.62, "plate": 0.63, "cutlery": 0.62, "glass": 0.48},
@@ -22,22 +23,13 @@ PAPER_P_VALID = {  # Table 2 of the paper, to which the users' margins are calib
 SAMPLES = 129  # points along a path; with `_smallest_distance`, clearances above 3 cm are exact within 0.4 mm
 
 
-def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
-    """Return the clearance [m] of smooth paths (evenly timed points) from each footprint; inf in empty slots."""
-
-    def away(ends: Float[Array, "scene 1 1 2 2"]) -> Float[Array, "scene path"]:
-        return _smallest_distance(point_segment_distance(points, ends[..., 0, :], ends[..., 1, :]))
-
-    return _clearances(layouts, away)
-
-
-def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
+def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) -> Clearances:
     """Return the clearance [m] of polylines, with points at any spacing, from each footprint; inf in empty slots."""
     pieces = np.stack([lines[:, :, :-1], lines[:, :, 1:]], axis=-2)  # (scene, path, piece, end, 2)
     return _clearances(layouts, lambda ends: segment_distance(pieces, ends).min(-1))
 
 
-def _clearances(layouts: Layouts, away: Callable[[Array], Array]) -> Float[Array, "scene path slot"]:
+def _clearances(layouts: Layouts, away: Callable[[Array], Array]) -> Clearances:
     """Return the clearance from each footprint, given the distance (scene, path) from its segment (scene, 1, 1, 2, 2).
 
     One slot at a time, to save memory.
@@ -59,14 +51,17 @@ def _smallest_distance(distance: Float[Array, "*path point"]) -> Float[Array, "*
     return np.sqrt(np.maximum(middle_square - 0.5 * offset * (before - after) + 0.5 * offset**2 * bend, 0.0))
 
 
-def clearance(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path slot"]:
+def clearance(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Clearances:
     """Return the clearance [m] of each Bezier path from each footprint: negative inside, inf in empty slots."""
-    return point_clearance(layouts, curve(z_theta, SAMPLES))
+    points = curve(z_theta, SAMPLES)
+
+    def away(ends: Float[Array, "scene 1 1 2 2"]) -> Float[Array, "scene path"]:
+        return _smallest_distance(point_segment_distance(points, ends[..., 0, :], ends[..., 1, :]))
+
+    return _clearances(layouts, away)
 
 
-def slack(
-    layouts: Layouts, clearances: Float[Array, "scene path slot"], margins: Margins
-) -> Float[Array, "scene path"]:
+def slack(layouts: Layouts, clearances: Clearances, margins: Margins) -> Float[Array, "scene path"]:
     """Return each path's slack [m]: its smallest clearance in excess of the user's margins.
 
     Positive: the path is valid. inf: no item in the scene has a margin.

@@ -48,16 +48,12 @@ Job = tuple[Float[Array, "path 2"], Layouts]  # paths, each with its scene
 
 
 class Shaker(Group):
-    """Hold the size of what the gripper holds."""
-
     radius_m: Length
     below_m: Length
     above_m: Length
 
 
 class Settings(StudyGroup):
-    """Hold the parameters of conf/studies/execution.yaml."""
-
     still: dict[str, float]
     posture: dict[str, float]
     height_m: float

@@ -17,7 +17,7 @@ STARTS = random_z_theta(np.random.default_rng(0), 3, 20)
     [("gradient", 0.02, torch.optim.SGD, 1e-6), ("adam", 0.05, torch.optim.Adam, 1e-5)],
 )
 def test_every_step_is_that_of_torch_s_optimiser_on_the_log_odds_and_the_last_is_at_the_peak(name, rate, theirs, atol):
-    repairs = repair(Hill(), IMAGES, STARTS, Ascent(60, name, rate))
+    repairs = repair(Hill(), IMAGES, STARTS, Ascent(steps=60, optimiser=name, rate=rate))
     z = torch.from_numpy(STARTS.astype(np.float32))
     np.testing.assert_array_equal(repairs.z[:, :, 0], z)
     optimiser = theirs([z], lr=rate, maximize=True)

@@ -10,11 +10,18 @@ from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import train_pool
 from pipeline.causal.envelope import dose_grid
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import LayoutRules, random_layouts
+from pipeline.world.layout import random_layouts
 from pipeline.world.rules import clearance
 from studies.safety import stage
 from studies.safety.stage import main  # noqa: F401  # of the fixture `out`
-from tests.factories import labelled_demos, labelled_queries, models_in_rendered_scenes, symbols_added, write_rendered
+from tests.factories import (
+    RULES,
+    labelled_demos,
+    labelled_queries,
+    models_in_rendered_scenes,
+    symbols_added,
+    write_rendered,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -33,7 +40,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     catalogue = read_catalogue(Path(cfg.paths.data))
 
     def draw(seed: int, count: int, items: int, split: str):
-        rules = LayoutRules((items,), (0.5, 0.5), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
+        rules = RULES.model_copy(update={"items_per_scene": (items,), "glasses_chance": (0.5, 0.5)})
         return random_layouts(np.random.default_rng(seed), count, catalogue.footprints, catalogue.pool(split), rules)
 
     layouts = {"new_items": draw(0, SCENES, 1, "unseen"), "new_scenes": draw(9, 5, 3, "train")}

@@ -19,7 +19,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from pipeline.models.base import ValidityModel
+from pipeline.models.base import LogOdds, Paths, Pixels, ValidityModel
 from pipeline.perception.objects import FEATURES, detect_objects
 from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import P_F, P_INIT, basis
@@ -48,6 +48,7 @@ LATERAL_SCALE_M = 0.02  # lateral distance [m] at which an object counts as full
 GATE_UNIT = 3.0  # unit of the gates of `side` and `progress`, so that one learning rate suits all parameters
 USUAL_OVER_LARGEST = 1.25  # usual doubt over the largest of the training pictures: a new picture may exceed it a little
 UNLIMITED = 1e6  # above any doubt: that of a model that saw no pictures
+Percept = Float[Tensor, "*model scene object 14"]  # `PerceivedObjects`
 Chosen = Sequence[int] | slice  # of a model's families
 
 
@@ -62,12 +63,12 @@ class PerceivedObjects(NamedTuple):
     doubt: Float[Tensor, "*scene object"]  # about the picture (perception.objects.doubt), the same in all slots
 
     @classmethod
-    def of(cls, percept: Float[Tensor, "*scene object 14"]) -> "PerceivedObjects":
+    def of(cls, percept: Percept) -> "PerceivedObjects":
         """Return views of the percept's columns."""
         start, end, radius, features = percept[..., :2], percept[..., 2:4], percept[..., 4], percept[..., 5:-2]
         return cls(start, end, radius, features, percept[..., -2], percept[..., -1])
 
-    def percept(self) -> Float[Tensor, "*scene object 14"]:
+    def percept(self) -> Percept:
         """Return the percept: all fields as columns of one tensor."""
         last = torch.stack([self.present, self.doubt], -1)
         return torch.cat([self.start, self.end, self.radius[..., None], self.features, last], -1)
@@ -128,13 +129,11 @@ class ClearanceModel(ValidityModel):
         """Return which of the model's families has that name."""
         return torch.tensor([family == name for family in self.families])
 
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 14"]:
+    def perceive(self, images: Pixels) -> Percept:
         """Return the detected objects (`PerceivedObjects`)."""
         return pack(**vars(detect_objects(images)))
 
-    def logit(
-        self, percept: Float[Tensor, "scene object 14"], z_theta: Float[Tensor, "scene path 2"]
-    ) -> Float[Tensor, "scene path"]:
+    def logit(self, percept: Percept, z_theta: Paths) -> LogOdds:
         """Return the log-odds of validity of each path, times `trust`; differentiable in `z_theta` [m]."""
         *posterior, p_constant = self.posterior().unbind()
         kept = [i for i, p in enumerate(posterior) if p > 0]
@@ -145,7 +144,7 @@ class ClearanceModel(ValidityModel):
             log_p += [posterior[i].log() + log_p_family for i, log_p_family in zip(kept, by_family, strict=True)]
         return log_odds(torch.stack(log_p).logsumexp(0)) * self.trust(percept)[:, None]
 
-    def trust(self, percept: Float[Tensor, "scene object 14"]) -> Float[Tensor, " scene"]:
+    def trust(self, percept: Percept) -> Float[Tensor, " scene"]:
         """Return the factor on the log-odds, in (0, 1]: 1 up to the usual doubt, then (usual / doubt)^2."""
         doubt = PerceivedObjects.of(percept).doubt[:, 0]
         return (self.usual_doubt / torch.maximum(doubt, self.usual_doubt)).square()
@@ -164,7 +163,7 @@ class ClearanceModel(ValidityModel):
         return SHARPENING * log_odds(log_p.logsumexp(1) - float(np.log(members)))
 
     def log_valid(
-        self, percept: Float[Tensor, "*model scene object 14"], passing: Passing, chosen: Chosen = slice(None)
+        self, percept: Percept, passing: Passing, chosen: Chosen = slice(None)
     ) -> Float[Tensor, "*model member scene path"]:
         """Return log p_valid by the chosen families' members, given how paths pass the objects in the first slots."""
 
@@ -188,7 +187,7 @@ class ClearanceModel(ValidityModel):
         return (torch.log1p(-threat) + F.logsigmoid(of_members(self.logit_nothing_missed)[..., 0, :])).movedim(-1, -3)
 
     def logit_relevance(
-        self, percept: Float[Tensor, "*model scene object 14"], chosen: Chosen = slice(None)
+        self, percept: Percept, chosen: Chosen = slice(None)
     ) -> Float[Tensor, "*model scene object member"]:
         """Return each member's log-odds that the user keeps away from each object, by its features alone."""
         features = PerceivedObjects.of(percept).features
@@ -205,7 +204,7 @@ def log_odds(log_p: Tensor) -> Tensor:
     return log_p - torch.log(-torch.expm1(log_p))
 
 
-def pack(ends, radius, features, present, doubt) -> Float[Tensor, "scene object 14"]:
+def pack(ends, radius, features, present, doubt) -> Percept:
     """Return the fields of `Objects` as a percept, with the gap [m] to each object's neighbour as last feature."""
     apart = segment_distance(ends[:, :, None].astype(float), ends[:, None].astype(float))
     size, seen = torch.from_numpy(radius), torch.from_numpy(present)
@@ -218,9 +217,7 @@ def pack(ends, radius, features, present, doubt) -> Float[Tensor, "scene object 
     return PerceivedObjects(start, end, size, all_features, seen.float(), doubts).percept()
 
 
-def passes(
-    percept: Float[Tensor, "scene object 14"], z_theta: Float[Tensor, "scene path 2"], dwell: bool = True
-) -> Passing:
+def passes(percept: Percept, z_theta: Paths, dwell: bool = True) -> Passing:
     """Return how each path [m] passes each object; unless `dwell`, only share 0 of clearances, the least one.
 
     Leaves out slots that are empty in every scene.

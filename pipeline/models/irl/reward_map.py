@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pipeline.models.base import ValidityModel, initialise, to_tensor
+from pipeline.models.base import LogOdds, Paths, Pixels, ValidityModel, initialise, to_tensor
 from pipeline.perception.background import subtract_background
 from pipeline.perception.objects import to_bytes
 from pipeline.runtime.roots import square_root
@@ -20,6 +20,7 @@ from pipeline.world.bezier import P_F, P_INIT, basis, lattice
 from pipeline.world.layout import SIDE
 
 SAMPLES = 48  # points along a path: 2.5 cm apart if it is straight; cells of the map are 4 cm wide
+Contrasts, Reward = Float[Tensor, "scene 4 100 100"], Float[Tensor, "scene side side"]
 SYMMETRIES = 8  # rotations by 90 degrees, each with and without reflection
 
 
@@ -51,32 +52,30 @@ class RewardMap(ValidityModel):
         self.register_buffer("scale", torch.tensor(1.0))
         self.register_buffer("offset", torch.tensor(0.0))
 
-    def reward(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene side side"]:
+    def reward(self, contrasts: Contrasts) -> Reward:
         """Return r_s at each cell of the map, row 0 at the far edge, from the images' contrast with the table."""
         return self.gain * -F.softplus(self.layers(contrasts).squeeze(1))  # at most 0
 
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene cell"]:
+    def perceive(self, images: Pixels) -> Float[Tensor, "scene cell"]:
         """Return the cells of the reward map and, last, the soft optimum of each scene; zeros if `scale` is 0."""
         if not self.scale:
             return images.new_zeros(len(images), self.side**2 + 1)
         return self.perceive_turned(_turned_contrasts(tuple(to_bytes(images))))
 
-    def perceive_turned(self, contrasts: list[Float[Tensor, "scene 4 100 100"]]) -> Float[Tensor, "scene cell"]:
+    def perceive_turned(self, contrasts: list[Contrasts]) -> Float[Tensor, "scene cell"]:
         """Return the same as `perceive`, from the images' contrast with the table under each symmetry (`turned`)."""
         reward = torch.stack([untransform(self.reward(x), g) for g, x in enumerate(contrasts)]).mean(0)
         return torch.cat([reward.flatten(1), self.soft_optimum(reward)[:, None]], dim=-1)
 
-    def soft_optimum(self, reward: Float[Tensor, "scene side side"]) -> Float[Tensor, " scene"]:
+    def soft_optimum(self, reward: Reward) -> Float[Tensor, " scene"]:
         """Return log(mean exp(return)) over the lattice of z_theta: the log partition function up to a constant."""
         return (reward.flatten(1) @ self.paths.T).logsumexp(-1) - float(np.log(len(self.paths)))
 
-    def advantage(
-        self, reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
-    ) -> Float[Tensor, "scene path"]:
+    def advantage(self, reward: Reward, z_theta: Paths) -> LogOdds:
         """Return each path's return less the soft optimum: the log of its density relative to a uniform choice."""
         return path_return(reward, z_theta) - self.soft_optimum(reward)[:, None]
 
-    def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
+    def logit(self, percept: Tensor, z_theta: Paths) -> LogOdds:
         """Return the log-odds of validity of each path; differentiable in `z_theta` [m]."""
         reward = percept[:, :-1].unflatten(1, (self.side, self.side))
         return self.scale * (path_return(reward, z_theta) - percept[:, -1:]) + self.offset
@@ -90,19 +89,17 @@ def _contrast(image: bytes) -> Float[Tensor, "1 4 100 100"]:
 
 
 @lru_cache(maxsize=4)  # batches; a sixth of the time
-def _turned_contrasts(images: tuple[bytes, ...]) -> list[Float[Tensor, "scene 4 100 100"]]:
+def _turned_contrasts(images: tuple[bytes, ...]) -> list[Contrasts]:
     """Return the contrasts of 8-bit images under each symmetry."""
     return turned(torch.cat([_contrast(image) for image in images]))
 
 
-def turned(contrasts: Float[Tensor, "scene 4 100 100"]) -> list[Float[Tensor, "scene 4 100 100"]]:
+def turned(contrasts: Contrasts) -> list[Contrasts]:
     """Return the contrasts under each symmetry, channels last: a third faster here."""
     return [transform(contrasts, g).contiguous(memory_format=torch.channels_last) for g in range(SYMMETRIES)]
 
 
-def contrast(
-    plain: Float[Tensor, "scene 3 100 100"], whitening: Float[Tensor, "scene 3 3"]
-) -> Float[Tensor, "scene 4 100 100"]:
+def contrast(plain: Pixels, whitening: Float[Tensor, "scene 3 3"]) -> Contrasts:
     """Return the network's input: size and local mean of the smoothed difference from the table, whitened and plain.
 
     Whitening scales each colour direction by the table's own variation there. A glass then stands out from wood, whose
@@ -124,9 +121,7 @@ def path_points(z_theta: Float[Tensor, "*path 2"]) -> Float[Tensor, "*path sampl
     return ends + torch.from_numpy(b[:, 1:2]).to(z_theta) * z_theta[..., None, :]
 
 
-def path_return(
-    reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
-) -> Float[Tensor, "scene path"]:
+def path_return(reward: Reward, z_theta: Paths) -> LogOdds:
     """Return the mean reward along each path [m], from bilinear samples of the map (edge values extended outwards)."""
     grid = (2 * path_points(z_theta) - 1) * torch.tensor([1.0, -1.0]).to(z_theta)  # row 0 is the far edge
     sampled = F.grid_sample(reward[:, None], grid, padding_mode="border", align_corners=False)

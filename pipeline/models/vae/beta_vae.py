@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import torch
-from jaxtyping import Float, UInt8
-from numpy import ndarray as Array
+from jaxtyping import Float
 from torch import Tensor, nn
 
-from pipeline.models.base import ValidityModel, initialise, to_tensor
+from pipeline.models.base import Images, LogOdds, Paths, Pixels, ValidityModel, initialise, to_tensor
 from pipeline.world.layout import SIDE
 
 Z_CENTRE, Z_SCALE = 0.5, 0.7  # maps z_theta [m], uniform on [-.2, 1.2], to [-1, 1]
@@ -54,11 +53,11 @@ class BetaVae(ValidityModel):
         self.register_buffer("spread", torch.ones(3, 1, 1))
         self.to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
 
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene latent"]:
+    def perceive(self, images: Pixels) -> Float[Tensor, "scene latent"]:
         """Return z_image of each scene: the mean of q(z_image | I), not a sample."""
         return self.mean(self.encode(images))
 
-    def encode(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene feature"]:
+    def encode(self, images: Pixels) -> Float[Tensor, "scene feature"]:
         """Return the features that mean and log-variance of q(z_image | I) are linear in."""
         return self.features((images - self.centre) / self.spread)
 
@@ -80,22 +79,20 @@ class BetaVae(ValidityModel):
         self.log_variance.bias.fill_(LOG_VARIANCE)
 
     @torch.no_grad()
-    def standardise(self, images: UInt8[Array, "scene 100 100 3"]) -> None:
+    def standardise(self, images: Images) -> None:
         """Set each channel's centre and spread to those of the training images, the output bias to the mean colour."""
         pixels = to_tensor(images).transpose(0, 1).flatten(1).double()  # (channel, pixel)
         self.centre.copy_(pixels.mean(1)[:, None, None])
         self.spread.copy_(pixels.std(1).clamp(min=MIN_SPREAD)[:, None, None])
         self.decode[-2].get_parameter("bias").copy_(self.centre.flatten().clamp(0.01, 0.99).logit())
 
-    def logit(
-        self, percept: Float[Tensor, "scene latent"], z_theta: Float[Tensor, "scene path 2"]
-    ) -> Float[Tensor, "scene path"]:
+    def logit(self, percept: Float[Tensor, "scene latent"], z_theta: Paths) -> LogOdds:
         """Return the log-odds of validity of each path [m] given z_image."""
         z_image = percept[:, None].expand(-1, z_theta.shape[1], -1)  # (scene, path, latent)
         return self.classifier(torch.cat([z_image, (z_theta - Z_CENTRE) / Z_SCALE], dim=-1)).squeeze(-1)
 
     @torch.no_grad()
-    def reconstruction_over_flat(self, images: UInt8[Array, "scene 100 100 3"]) -> float:
+    def reconstruction_over_flat(self, images: Images) -> float:
         """Return the root mean square error of decoded means of z_image over that of each scene's mean colour."""
         x = to_tensor(images)
         squared_error = (self.decode(self.perceive(x)) - x).square().mean()

@@ -4,7 +4,6 @@ This is its definition, which the autograd engine differentiates. Tests hold the
 the simd engine (training/vae/engines/simd.py `Stack`) against it.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -12,16 +11,20 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from pipeline.models.base import LogOdds, Paths
 from pipeline.models.vae.beta_vae import BetaVae
+from pipeline.runtime.settings import Group, Size, Weight
+
+Pictures, Labels = Float[Tensor, "scene 3 row column"], Bool[Tensor, "scene path"] | Float[Tensor, "scene path"]
+Codes, Share = Float[Tensor, "scene latent"], Float[Tensor, " path"] | None
 
 
-@dataclass(frozen=True)
-class Weights:
+class Weights(Group):
     """The weights alpha, beta and gamma of Eq. 1; with alpha or beta 0 the term is not computed."""
 
-    alpha: float
-    beta: float
-    gamma: float
+    alpha: Weight
+    beta: Weight
+    gamma: Size  # at 0 the classifier is never trained
 
 
 class Terms(NamedTuple):
@@ -37,23 +40,17 @@ class Terms(NamedTuple):
         return self.reconstruction + self.kl + self.classification
 
 
-def reconstruction(
-    decoded: Float[Tensor, "scene 3 row column"], images: Float[Tensor, "scene 3 row column"]
-) -> Float[Tensor, ""]:
+def reconstruction(decoded: Pictures, images: Pictures) -> Float[Tensor, ""]:
     """Return -log p(I | z_image) of a Gaussian decoder up to scale: the mean squared error over all entries."""
     return F.mse_loss(decoded, images)
 
 
-def kl(mean: Float[Tensor, "scene latent"], log_variance: Float[Tensor, "scene latent"]) -> Float[Tensor, ""]:
+def kl(mean: Codes, log_variance: Codes) -> Float[Tensor, ""]:
     """Return KL(q(z_image | I) || N(0, 1)) [nat]: summed over latent dimensions, averaged over scenes."""
     return 0.5 * (mean.square() + log_variance.exp() - log_variance - 1).sum(-1).mean()
 
 
-def classification(
-    logits: Float[Tensor, "scene path"],
-    valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
-    share: Float[Tensor, " path"] | None = None,
-) -> Float[Tensor, ""]:
+def classification(logits: LogOdds, valid: Labels, share: Share = None) -> Float[Tensor, ""]:
     """Return the binary cross-entropy of validity [nat]: mean over paths, or weighted by their `share`."""
     if share is None:
         return F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype))
@@ -62,13 +59,7 @@ def classification(
 
 
 def equation_1(
-    model: BetaVae,
-    images: Float[Tensor, "scene 3 row column"],
-    z_theta: Float[Tensor, "scene path 2"],
-    valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
-    weights: Weights,
-    noise: Float[Tensor, "scene latent"],
-    share: Float[Tensor, " path"] | None = None,
+    model: BetaVae, images: Pictures, z_theta: Paths, valid: Labels, weights: Weights, noise: Codes, share: Share = None
 ) -> Terms:
     """Return the terms of Eq. 1 on labelled paths; each scene is encoded once for all its paths.
 

@@ -13,15 +13,8 @@ from scipy.special import entr
 from torch import Tensor
 
 from pipeline.models.base import to_tensor
-from pipeline.models.clearance.clearance import (
-    EVIDENCE_PENALTY_NATS,
-    FAMILIES,
-    USUAL_OVER_LARGEST,
-    ClearanceModel,
-    Passing,
-    PerceivedObjects,
-    passes,
-)
+from pipeline.models.clearance import clearance
+from pipeline.models.clearance.clearance import ClearanceModel, PerceivedObjects, passes
 from pipeline.training import loop
 
 CERTAIN_LOG_ODDS = 1e4  # log-odds of certainty [nat]
@@ -29,9 +22,9 @@ BATCH_SIZE = 10  # models fitted together, so that their intermediate results fi
 CURVE = ("step", "total")  # columns of a learning curve
 
 
-def trainer(variant: Mapping[str, Any], clearance: Mapping[str, Any]) -> loop.Trainer:
+def trainer(variant: Mapping[str, Any], settings: Mapping[str, Any]) -> loop.Trainer:
     """Return how the clearance model is fitted with the settings of conf/clearance.yaml; `variant` adds none."""
-    return loop.Trainer(ClearanceModel, partial(fit, schedule=loop.Schedule.of(clearance)), CURVE, BATCH_SIZE)
+    return loop.Trainer(ClearanceModel, partial(fit, schedule=loop.Schedule.of(settings)), CURVE, BATCH_SIZE)
 
 
 def fit(models, images, z_theta, valid, schedule, seeds, checkpoints=None) -> list[Float[Array, "point 2"]]:
@@ -57,7 +50,7 @@ def set_feature_scaling(model: ClearanceModel, images: Array) -> Float[Tensor, "
     if len(features) > 1:
         model.centre.copy_(features.mean(0))
         model.spread.copy_(features.std(0).clamp(min=1e-3))
-    model.usual_doubt.copy_(USUAL_OVER_LARGEST * objects.doubt.max().clamp(min=1e-3))
+    model.usual_doubt.copy_(clearance.USUAL_OVER_LARGEST * objects.doubt.max().clamp(min=1e-3))
     return percept
 
 
@@ -69,8 +62,8 @@ def set_model_evidence(model: ClearanceModel, percept: Tensor, z_theta: Array, l
     log_likelihood = -F.binary_cross_entropy_with_logits(logits, valid.expand_as(logits), reduction="none").sum((1, 2))
     rate = float(valid.mean())
     log_likelihood_at_rate = -valid.numel() * (entr(rate) + entr(1 - rate))
-    parameters = torch.tensor([FAMILIES[family] for family in model.families])
-    penalty = EVIDENCE_PENALTY_NATS + 0.5 * np.log(valid.numel()) * parameters
+    parameters = torch.tensor([clearance.FAMILIES[family] for family in model.families])
+    penalty = clearance.EVIDENCE_PENALTY_NATS + 0.5 * np.log(valid.numel()) * parameters
     model.evidence.copy_(log_likelihood - log_likelihood_at_rate - penalty)
 
 
@@ -82,7 +75,7 @@ def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> li
     stacked, percept = loop.stack_models(models), torch.stack(percepts)  # (model, scene, object, 14)
     paths = torch.tensor(np.stack(loop.pad_demonstrations(z_theta))).float()
     flat = passes(percept.flatten(0, 1), paths.flatten(0, 1))
-    passing = Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
+    passing = clearance.Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
     valid = torch.tensor(np.stack(loop.pad_demonstrations(labels)))[:, None]
     rows = torch.from_numpy(loop.row_weights([own.shape[1] for own in labels]).T).float()[:, None, None]
     families, members = models[0].margin.shape  # the members' random weights of the scenes are the same in all families

@@ -3,12 +3,12 @@
 A blob is a connected region that differs from the table. Neither layouts nor labels are used.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float32, Int
 from numpy import ndarray as Array
 from scipy import ndimage
+
+from pipeline.runtime.settings import Chance, Group, Spread, Weight
 
 MIN_CONTRAST = 2.1  # smallest contrast of a blob's pixels [standard deviations of the table]
 MAX_BLOB_SHARE = 0.1  # largest share of an image's pixels in blobs
@@ -16,15 +16,14 @@ MIN_BLOB_PX = 12  # smaller regions belong to the table
 SOFTENING_PX = 0.5  # standard deviation of the blur that prevents recolouring from creating edges
 
 
-@dataclass(frozen=True)
-class ColorJitter:
+class ColorJitter(Group):
     """Range of the random changes in appearance (conf/irl.yaml)."""
 
-    hue: float  # largest rotation of a blob's colour about the grey axis [rad]
-    gain: float  # standard deviation of the logarithm of a blob's contrast
-    shift: float  # standard deviation per channel of the colour added to a blob [1 = white]
-    scene_gain: float  # standard deviation of the logarithm of a whole scene's contrast
-    other_table: float  # probability that a scene's blobs are pasted on another training scene's table top
+    hue: Weight  # largest rotation of a blob's colour about the grey axis [rad]
+    gain: Spread  # standard deviation of the logarithm of a blob's contrast
+    shift: Spread  # standard deviation per channel of the colour added to a blob [1 = white]
+    scene_gain: Spread  # standard deviation of the logarithm of a whole scene's contrast
+    other_table: Chance  # probability that a scene's blobs are pasted on another training scene's table top
 
 
 def blobs(contrast: Float32[Array, "scene row column"]) -> Int[Array, "scene row column"]:

@@ -7,7 +7,6 @@ labels as the specification model. Both map advantage to P(valid) by a logistic 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
 from zlib import crc32
@@ -24,6 +23,7 @@ from torch import Tensor
 from pipeline.models.base import to_tensor
 from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, turned, untransform
 from pipeline.perception.background import subtract_background
+from pipeline.runtime.settings import Count
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs
 from pipeline.training.loop import Losses, Schedule, Trainer, fit_varied, minimise
 from pipeline.world.layout import SIDE
@@ -31,19 +31,18 @@ from pipeline.world.layout import SIDE
 CURVE = ("step", "total")  # columns of a learning curve
 
 
-@dataclass(frozen=True)
 class IrlSchedule(Schedule):
     """Training settings of a reward map (conf/irl.yaml)."""
 
-    scenes_per_step: int  # drawn without replacement; a larger number than there are means all
-    n_augmentations: int  # versions of each training scene, including the original; drawn once
+    scenes_per_step: Count  # drawn without replacement; a larger number than there are means all
+    n_augmentations: Count  # versions of each training scene, including the original; drawn once
     color_jitter: ColorJitter
 
 
 def trainer(variant: Mapping[str, Any], irl: Mapping[str, Any]) -> Trainer:
     """Return how a reward map (conf/variants) is fitted with the settings of conf/irl.yaml."""
-    objective, jitter = variant["objective"], ColorJitter(**irl["color_jitter"])
-    schedule = IrlSchedule(**{**irl, "steps": irl["steps"][objective], "color_jitter": jitter})
+    objective = variant["objective"]
+    schedule = IrlSchedule.of({**irl, "steps": irl["steps"][objective]})
     return Trainer(RewardMap, partial(fit, objective=objective, schedule=schedule), CURVE, batch_size=None)
 
 
@@ -145,13 +144,11 @@ def logistic(advantage: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> t
     mean, spread = x.mean(), max(x.std(), 1e-9)
     design = np.stack([(x - mean) / spread, np.ones_like(x)])  # (2, demo)
 
-    def gradient(w: Array) -> Array:
-        return design @ (expit(w @ design) - target) / len(x)
-
     def hessian(w: Array) -> Array:
         p = expit(w @ design)
         return (design * (p * (1 - p))) @ design.T / len(x)
 
-    w = root(gradient, np.zeros(2), jac=hessian, tol=1e-12).x  # the likelihood is concave: one stationary point
+    # the likelihood is concave: its gradient has one root
+    w = root(lambda w: design @ (expit(w @ design) - target) / len(x), np.zeros(2), jac=hessian, tol=1e-12).x
     scale = max(w[0], 0.0) / spread
     return scale, float(w[1] - scale * mean) if w[0] > 0 else float(np.log(target.mean() / (1 - target.mean())))

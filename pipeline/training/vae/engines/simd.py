@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float
 from numpy import ndarray as Array
 from scipy.special import expit, log_expit
 from torch import nn
@@ -199,14 +199,12 @@ class Stack:
                 parameter = model.get_parameter(name)
                 parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
 
-    def gradient(
-        self,
-        images: UInt8[Array, "scene 100 100 3 lane"],
-        z_theta: Float[Array, "scene row 2 lane"],
-        valid: Bool[Array, "scene row lane"],
-        noise: Float[Array, "scene latent lane"],
-    ) -> Float[Array, "3 lane"]:
-        """Return the weighted terms of Eq. 1; leave their gradient in the parameters."""
+    def gradient(self, images, z_theta, valid, noise) -> Float[Array, "3 lane"]:
+        """Return the weighted terms of Eq. 1; leave their gradient in the parameters.
+
+        images: uint8 (scene, 100, 100, 3, lane); z_theta: (scene, row, 2, lane); valid: (scene, row, lane); noise:
+        (scene, latent, lane).
+        """
 
         def forward(layers: list[Layer]) -> None:
             for layer in layers:

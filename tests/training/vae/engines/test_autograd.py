@@ -50,7 +50,9 @@ def exact(model, images, z_theta, valid, weights, schedule, seed):
     x, z, labels = to_tensor(images).double(), torch.from_numpy(z_theta), torch.from_numpy(valid)
     generator = torch.Generator().manual_seed(seed)
     model.standardise(images)
-    optimiser, cycle = schedule.optimiser(model.parameters())
+    rate, decay = schedule.rate, schedule.weight_decay
+    optimiser = torch.optim.AdamW(model.parameters(), lr=rate, betas=(0.9, schedule.adam_beta2), weight_decay=decay)
+    cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, rate, total_steps=schedule.steps)
     losses = []
     for _ in range(schedule.steps):
         noise = torch.randn(len(x), model.latent, generator=generator).double()
