@@ -106,16 +106,10 @@ def detect_objects(
     tables = [None] * len(images) if empty is None else to_bytes(empty)
     for scene, (image, table) in enumerate(zip(to_bytes(images), tables, strict=True)):
         found, objects.doubt[scene] = _detect(image, table)
-        for i, object_ in enumerate(found):
-            objects.ends[scene, i], objects.radius[scene, i] = object_.ends, object_.radius
-            objects.features[scene, i], objects.present[scene, i] = object_.features, True
+        for i, (ends, radius, features) in enumerate(found):
+            objects.ends[scene, i], objects.radius[scene, i] = ends, radius
+            objects.features[scene, i], objects.present[scene, i] = features, True
     return objects
-
-
-class _Object(NamedTuple):
-    ends: Float[Array, "2 2"]  # end points of the capsule's segment [m]
-    radius: float  # of the capsule [m]
-    features: Float[Array, " feature"]
 
 
 def to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
@@ -129,8 +123,8 @@ def _pixels(image: bytes) -> UInt8[Array, "100 100 3"]:
 
 
 @lru_cache(maxsize=4096)  # 30 kB each; all models use the same images
-def _detect(image: bytes, table: bytes | None) -> tuple[list[_Object], float]:
-    """Return the MAX_OBJECTS largest objects in an 8-bit RGB image, the largest first, and the doubt about it."""
+def _detect(image: bytes, table: bytes | None) -> tuple[list[tuple[Array, float, Array]], float]:
+    """Return the MAX_OBJECTS largest objects in an 8-bit RGB image, as in `Objects`, and the doubt about the image."""
     pixels = _pixels(image)
     maps = segment(pixels, None if table is None else _pixels(table))
     typical = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
@@ -153,8 +147,8 @@ def _detect(image: bytes, table: bytes | None) -> tuple[list[_Object], float]:
         sizes = np.log(np.array([capsule.area, capsule.elongation, length, 2 * capsule.radius]))
         seen = [np.log(share / (1 - share)), np.log(max(float(contrast[covered].mean()), MIN_CONTRAST))]
         ends = np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half])
-        objects.append(_Object(ends, capsule.radius, np.array([*sizes, *seen])))
-    return sorted(objects, key=lambda object_: -object_.features[0])[:MAX_OBJECTS], doubt(maps.item)
+        objects.append((ends, capsule.radius, np.array([*sizes, *seen])))
+    return sorted(objects, key=lambda object_: -object_[2][0])[:MAX_OBJECTS], doubt(maps.item)
 
 
 class Outline(NamedTuple):
