@@ -27,6 +27,7 @@ COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share 
     "ideal": INK,
     "truth": INK,
 }
+# so that colour is never the only distinction
 MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "clearance": "P"}
 MARKERS |= {"paper": "*"}
 LINES = {"position_only": ":", "blind": ":", "ideal": "--"}  # of those that are no models: grey but for `ideal`
@@ -49,11 +50,6 @@ RC |= dict.fromkeys(("text.color", "axes.labelcolor", "axes.titlecolor", "xtick.
 def colour(name: str) -> str:
     """Return a variant's colour, the same in all figures; grey for baselines and unknown variants."""
     return COLOURS.get(name, MUTED)
-
-
-def marker(name: str) -> str:
-    """Return a variant's marker, so that colour is never the only distinction."""
-    return MARKERS.get(name, "X")
 
 
 def looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:

@@ -20,7 +20,7 @@ def examples(study: Study) -> Figure:
     table, images = study.table("examples.csv"), study.arrays("examples.npz")
     kinds = list(dict.fromkeys(table["example"]))
     width = 1 + int(table.groupby("example")["slot"].nunique().max())
-    figure, axes = panels(len(kinds), width, 3.3 * width, 4.6 * len(kinds))
+    figure, axes = panels(len(kinds), width, 3.3 * width, 4.6 * len(kinds), names=[TITLES[kind] for kind in kinds])
     for row, (line, kind) in enumerate(zip(axes, kinds, strict=True)):
         rows = table[table["example"] == kind]
         items = rows.drop_duplicates("slot").to_dict("records")
@@ -38,7 +38,6 @@ def examples(study: Study) -> Figure:
             panel.plot(item["x_m"], item["y_m"], "x", color="white", markersize=10, markeredgewidth=2.2)
         for panel in line[len(versions) :]:
             panel.set_visible(False)
-        line[0].set_ylabel(TITLES[kind], color=style.INK)
     return figure
 
 

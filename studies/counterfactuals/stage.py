@@ -37,8 +37,6 @@ FINE_STEPS = 10  # subdivisions of a step between two images, for the true small
 
 
 class Settings(StudyGroup):
-    """conf/studies/counterfactuals.yaml."""
-
     split: SharedSplit
     scenes: Several
     paths: Count

@@ -13,11 +13,10 @@ def shown(study: Study) -> Figure:
     names = [str(name) for name in examples["names"]]
     kinds = {f"any {least}": "At random", f"any {most}": f"Clear by {most} cm"}
     kinds |= {f"few {least}": "Few families", f"few {most}": f"Few families, clear by {most} cm"}
-    figure, axes = panels(1, len(kinds), 3.0 * len(kinds), 3.3)
-    for panel, (name, title) in zip(axes[0], kinds.items(), strict=True):
+    figure, axes = panels(1, len(kinds), 3.0 * len(kinds), 3.3, list(kinds.values()))
+    for panel, name in zip(axes[0], kinds, strict=True):
         draw_table(panel, examples["image"])
         kind = names.index(name)
         for z, valid in zip(examples["z_theta"][kind], examples["valid"][kind], strict=True):
             draw_path(panel, z, style.VALID if valid else style.INVALID, linestyle="-" if valid else (0, (3, 1)))
-        panel.set_title(title)
     return figure

@@ -48,8 +48,6 @@ LENGTH_UNIT_M = 0.1  # unit of an item's size in its true code [m]
 
 
 class Settings(StudyGroup):
-    """Hold the parameters of conf/studies/fairness.yaml."""
-
     root_seed: Whole
     scenes: dict[str, Counts]
     scenes_seeds: Several

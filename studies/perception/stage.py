@@ -70,8 +70,6 @@ class Headlines(Group):
 
 
 class Settings(StudyGroup):
-    """Hold the parameters of conf/studies/perception.yaml."""
-
     pictures: Count
     folder: str
     rendered: Some

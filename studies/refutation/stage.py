@@ -86,8 +86,6 @@ class World(Group):
 
 
 class Settings(StudyGroup):
-    """conf/studies/refutation.yaml."""
-
     root_seed: Whole
     scenes: Annotated[int, Field(ge=4)]  # data_subset halves them
     pieces: Counts

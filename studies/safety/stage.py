@@ -93,8 +93,6 @@ class Acceptance(Group):
 
 
 class Settings(StudyGroup):
-    """conf/studies/safety.yaml."""
-
     envelope: Envelope
     acceptance: Acceptance
 

@@ -1,1 +1,0 @@
-"""Study: accuracy where images, table tops, items, labels or rules are not those of training."""

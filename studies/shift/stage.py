@@ -59,8 +59,6 @@ Predictions = dict[str, Float[Array, "user seed scene path"]]  # variant -> P(va
 
 
 class Settings(StudyGroup):
-    """conf/studies/shift.yaml."""
-
     root_seed: Whole
     scenes: Several
     corruptions: dict[Literal["shade", "tint", "blur", "noise", "arm"], Strengths]

@@ -31,7 +31,8 @@ def overlaps(study: Study) -> Figure:
     for panel, variant in zip(axes[0], shown, strict=True):
         rows, ends = pair[pair["variant"] == variant], (-0.02, 1.02)
         panel.plot([0, 1], [0, 1], color=style.RULE)
-        panel.plot(rows["truth"], rows["overlap"], style.marker(variant), color=style.colour(variant), alpha=0.7)
+        shape, colour = style.MARKERS.get(variant, "X"), style.colour(variant)
+        panel.plot(rows["truth"], rows["overlap"], shape, color=colour, alpha=0.7)
         panel.set(title=style.label(variant), xlabel="true overlap", aspect="equal", xlim=ends, ylim=ends)
     axes[0, 0].set_ylabel("overlap by the model")
     return figure

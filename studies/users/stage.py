@@ -45,8 +45,6 @@ Sets = Bool[Array, "user seed scene path"]  # paths that a source calls valid; o
 
 
 class Settings(StudyGroup):
-    """Hold the parameters of conf/studies/users.yaml."""
-
     split: SharedSplit
     paths: Count
     draws: Count
