@@ -12,6 +12,7 @@ lists what dvc.yaml runs once per name: the variants of each stage that fits, an
 """
 
 import argparse
+import os
 import shlex
 import sys
 from collections.abc import Collection, Sequence
@@ -97,7 +98,9 @@ def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
     from hydra.errors import HydraException
 
     before = yaml.safe_load(COMPOSED.read_text(encoding="utf-8"))
-    known = [p.stem for p in sorted((CONF / "variants").glob("*.yaml")) if "\ncompared:" in p.read_text()]
+    known = [
+        p.stem for p in sorted((CONF / "variants").glob("*.yaml")) if "\ncompared:" in p.read_text(encoding="utf-8")
+    ]
     entries = [next(iter(entry)) for entry in before["defaults"] if entry != "_self_"]
     listed = [key.partition(".")[2] for key in entries if key.startswith("variants@")]
     variants = [*(v for v in listed if v in known), *(v for v in known if v not in listed)]
@@ -141,7 +144,8 @@ def main(argv: list[str]) -> int:
         written = {COMPOSED: kept(overrides, cfg), PARAMS: OmegaConf.to_yaml(cfg)}
         if stale := [p for p, text in written.items() if not p.is_file() or p.read_text(encoding="utf-8") != text]:
             command = shlex.join(["python", "-m", "pipeline.params", *given.overrides])
-            print(f"error: {stale[0].name} is not what conf/ composes: run `{command}`", file=sys.stderr)
+            command += " && dvc repro params`, then the experiment again" if "DVC_EXP_NAME" in os.environ else "`"
+            print(f"error: {stale[0].name} is not what conf/ composes: run `{command}", file=sys.stderr)
             return 1
         if given.out:
             atomic_write(given.out, lambda part: part.write_text("params.yaml is what conf/ composes\n"))

@@ -61,7 +61,7 @@ def read_json(path: Path) -> dict:
     """Return a JSON object; InputError if the file is missing or invalid."""
     _need_file(path)
     try:
-        content = json.loads(path.read_text())
+        content = json.loads(path.read_bytes())
     except ValueError as error:  # json's own, and UnicodeDecodeError
         raise InputError(f"{path} is no JSON ({error}): run its stage again") from error
     if not isinstance(content, dict):
