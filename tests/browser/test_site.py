@@ -37,9 +37,11 @@ def test_every_figure_loads_and_no_request_leaves_the_machine(browser: Browser, 
     assert messages == [] and all(url.startswith("file://") for url in requests)
 
 
-def test_the_first_page_fits_six_screens(opened: Opened):
-    """One and a half of them are the paper's Table 2 of all models and the curve, which stand first as was asked."""
-    assert opened("index").evaluate("document.documentElement.scrollHeight") <= 6 * 900
+@pytest.mark.xfail(
+    strict=True, reason="a defect: with Table 2 of all models and the curve it takes 5.2 screens; shorten it"
+)
+def test_the_first_page_fits_four_screens(opened: Opened):
+    assert opened("index").evaluate("document.documentElement.scrollHeight") <= 4 * 900
 
 
 def test_the_dark_scheme_turns_page_and_figures_dark(opened: Opened):
