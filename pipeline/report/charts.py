@@ -63,7 +63,8 @@ def curves(
             mark = {"color": look["color"], "markersize": 11 if name == "paper" else 6}
             for place, number, value in zip(places, middle, own[x], strict=True) if len(places) <= MAX_TICKS else ():
                 dot = axes.plot(place, number, look["marker"] or ".", **mark)[0]
-                of_series(dot, name, f"{shown}, {chart.word(x, value)}: {number:.3g}")
+                at = chart.word(x, value) if text else f"{place:g} {chart.xlabel}"
+                of_series(dot, name, f"{shown}, {at}: {_said(chart.ylabel, number)}")
         if diagonal:
             axes.axline((0, 0), slope=unit / x_unit, color=INK, linewidth=1.2, linestyle=":", label=diagonal)
         for (shown, level), line in zip((reference or {}).items(), STYLES, strict=False):
@@ -106,7 +107,8 @@ def bars(
             for i, (place, number) in enumerate(zip(at, middle, strict=True)):
                 spread = f" ({reach[0][i]:.3g} to {reach[1][i]:.3g})" if ends else ""
                 mark = axes.plot(number, place, label=None if i else shown, **look)[0]
-                of_series(mark, name, f"{shown}, {chart.word(x, own[x].iloc[i])}: {number:.3g}{spread}")
+                said = f"{_said(chart.xlabel, number)}{spread}"
+                of_series(mark, name, f"{shown}, {chart.word(x, own[x].iloc[i])}: {said}")
         if truth:
             for group, number in rows.drop_duplicates(x)[[x, truth]].itertuples(index=False):
                 place, shown = groups.index(group), "Truth" if group == rows[x].iloc[0] else ""
@@ -115,6 +117,10 @@ def bars(
         axes.set_ylim(len(groups) - 0.5, -0.5)
         axes.grid(axis="x")
     return chart.finished(legend=not alone)
+
+
+def _said(label: str, number: float) -> str:
+    return f"{number:.1f}\u00a0%" if "per cent" in label else f"{number:.3g}"
 
 
 class _Chart:

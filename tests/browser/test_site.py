@@ -134,7 +134,7 @@ def test_a_chart_shows_values_and_hides_series(opened: Opened):
     tip = chart.locator(".tip")
     assert not tip.is_visible()
     chart.get_by_label("Clearance model, 9 demonstrations").last.hover()
-    assert tip.is_visible() and tip.text_content() == "Clearance model, 9 demonstrations: 97.0 %"
+    assert tip.is_visible() and tip.text_content() == "Clearance model, 9 demonstrations a scene: 97.0\u00a0%"
     toggle, line = chart.get_by_role("button", name="Clearance model"), chart.locator("[data-series=clearance]").first
     toggle.press("Enter")
     assert not line.is_visible() and toggle.get_attribute("aria-pressed") == "false"
@@ -147,7 +147,7 @@ def test_a_chart_is_whole_without_scripts(browser: Browser, site: Path):
     page.goto((site / "figures" / "accuracy-by-demonstrations.svg").as_uri())
     assert page.locator(".series").first.is_visible()
     page.goto((site / "index.html").as_uri())
-    assert not page.locator(".widget").is_visible() and page.locator("figure img").first.is_visible()
+    assert not page.locator(".widget").is_visible() and page.locator("figure object").first.is_visible()
     page.close()
 
 
