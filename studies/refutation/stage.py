@@ -163,10 +163,7 @@ def render_elsewhere(cfg: DictConfig, layouts: list[Layouts]) -> dict[str, Image
         splits = ", ".join(sorted(set(catalogue.textures["split"])))
         raise InputError(f"studies.refutation.textures is {study.textures!r}: expected one of {splits}")
     seeds = stream(study.root_seed, "lights").integers(2**31, size=len(layouts[0])).tolist()
-    return {
-        texture: np.stack([render_scenes(x, [texture] * len(x), seeds, palette) for x in layouts])
-        for texture in textures
-    }
+    return {t: np.stack([render_scenes(x, [t] * len(x), seeds, palette) for x in layouts]) for t in textures}
 
 
 def fit_and_predict(

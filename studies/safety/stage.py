@@ -268,10 +268,8 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
     # Two models per user and seed: one of some scenes, for conformal selection, and one of all, for the threshold.
     draws = [stream(study.root_seed, "scenes", x.seed).permutation(len(x.images)) for x in complete]  # same for users
     fitted = [np.sort(drawn[: study.fitted]) for drawn in draws]
-    some = [
-        replace(x, images=x.images[part], z_theta=x.z_theta[part], valid=x.valid[part])
-        for x, part in zip(complete, fitted, strict=True)
-    ]
+    parts = zip(complete, fitted, strict=True)
+    some = [replace(x, images=x.images[i], z_theta=x.z_theta[i], valid=x.valid[i]) for x, i in parts]
     predict = partial(predict_demos_and_paths, {(x.user, x.seed): x for x in complete}, images, z_theta)
     answers = refit(cfg, dict.fromkeys(study.variants, some + complete), predict, "accept")
     prior = read_position_prior(Path(cfg.paths.scenes))

@@ -3,7 +3,6 @@
 Fitted models judge the same paths in disturbed scenes. For wrong labels and for another rule, models are fitted again.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -91,10 +90,8 @@ class Condition:
 def judge_disturbances(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> None:
     """Write disturbances.csv, and examples.npz: the first scene under each disturbance."""
     conditions, z_theta = draw_conditions(cfg, scenes, pool)
-    judged = [
-        *zip(conditions, predict_in_conditions(cfg, conditions, z_theta), strict=True),
-        *predict_after_label_noise(cfg, scenes, conditions[0], z_theta),
-    ]
+    judged = list(zip(conditions, predict_in_conditions(cfg, conditions, z_theta), strict=True))
+    judged += predict_after_label_noise(cfg, scenes, conditions[0], z_theta)
     summary = [
         {"corruption": x.corruption, "strength": str(x.strength), "variant": variant}
         | accuracy_estimate(p > DECISION, x.valid)
@@ -331,9 +328,7 @@ def arm(rng: np.random.Generator, images: Images, reach_m: float) -> Images:
     return corrupted
 
 
-CORRUPTIONS: dict[str, Callable[[np.random.Generator, Images, float], Images]] = {
-    f.__name__: f for f in (shade, tint, blur, noise, arm)
-}
+CORRUPTIONS = {f.__name__: f for f in (shade, tint, blur, noise, arm)}
 
 
 def _to_uint8(images: Float[Array, "*shape"]) -> UInt8[Array, "*shape"]:
