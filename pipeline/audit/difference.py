@@ -126,11 +126,7 @@ def paired(old: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
     both = new.merge(old, on=[column for column in old if column != "value"], suffixes=("_after", "_before"))
     both = both.dropna(subset=["value_before", "value_after"])
     both["difference"] = (both["value_after"] - both["value_before"]).round(DECIMALS)
-    columns = {
-        "before": ("value_before", "mean"),
-        "after": ("value_after", "mean"),
-        "difference": ("difference", "mean"),
-    }
+    columns = {name: (f"value_{name}", "mean") for name in ("before", "after")} | {"difference": ("difference", "mean")}
     columns |= {how: ("difference", how) for how in ("min", "max", "size", "sem")}
     table = both.groupby(keys, sort=False).agg(**columns).reset_index()
     low, high, seeds, error = (table.pop(how) for how in ("min", "max", "size", "sem"))
