@@ -98,9 +98,8 @@ def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
     from hydra.errors import HydraException
 
     before = yaml.safe_load(COMPOSED.read_text(encoding="utf-8"))
-    known = [
-        p.stem for p in sorted((CONF / "variants").glob("*.yaml")) if "\ncompared:" in p.read_text(encoding="utf-8")
-    ]
+    files = sorted((CONF / "variants").glob("*.yaml"))
+    known = [path.stem for path in files if "\ncompared:" in path.read_text(encoding="utf-8")]
     entries = [next(iter(entry)) for entry in before["defaults"] if entry != "_self_"]
     listed = [key.partition(".")[2] for key in entries if key.startswith("variants@")]
     variants = [*(v for v in listed if v in known), *(v for v in known if v not in listed)]

@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Int, UInt8
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray as Array
+from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays, write_table
 from pipeline.runtime.errors import InputError
@@ -131,3 +133,20 @@ def read_interventions(directory: Path, scenes: Layouts) -> AddedItems:
             raise InputError(f"{directory}: not these scenes with an added {symbol} in each; {again}")
         layouts.append(layout)
     return AddedItems(images, layouts)
+
+
+class Versions(NamedTuple):
+    """Scenes as they are (version 0) and with symbol k added (version 1 + k), with random paths in them."""
+
+    images: UInt8[Array, "version scene 100 100 3"]
+    layouts: list[Layouts]
+    z_theta: Float[Array, "scene path 2"]  # [m]
+
+
+def read_versions(cfg: DictConfig, scenes: SceneSet, count: int) -> Versions:
+    """Return the first `count` scenes that stage intervene added items to; InputError as of `read_interventions`."""
+    pool, folder = cfg.protocol.splits[cfg.intervene.split], Path(cfg.paths.intervene)
+    added = read_interventions(folder, scenes.layouts[pool])
+    images = np.concatenate([scenes.images[pool][None, :count], added.images[:, :count]])
+    layouts = [x[:count] for x in (scenes.layouts[pool], *added.layouts)]
+    return Versions(images, layouts, read_arrays(folder / "images.npz")["z_theta"][:count])

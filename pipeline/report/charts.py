@@ -26,20 +26,10 @@ SHORT = 4  # digits of a tick
 WRAP = 4  # the most panels in a row
 Table = str | Callable[[Any], pd.DataFrame]
 Names = str | Sequence[str]
-Number = int | float
 
 
 def curves(
-    data: Any,
-    table: Table,
-    x: str,
-    y: Names,
-    unit: Number = 1,
-    x_unit: Number = 1,
-    log: bool = False,
-    reference: Mapping[str, Number] | None = None,
-    diagonal: str = "",
-    **options: Any,
+    data: Any, table: Table, x: str, y: Names, unit=1, x_unit=1, log=False, reference=None, diagonal="", **options: Any
 ) -> Figure:
     """Return lines of y over x, with a band from low to high, a line for each value of `hue`.
 
@@ -82,9 +72,7 @@ def curves(
     return chart.finished()
 
 
-def bars(
-    data: Any, table: Table, x: str, y: Names, unit: Number = 1, truth: str = "", band: Number = 0, **options: Any
-) -> Figure:
+def bars(data: Any, table: Table, x: str, y: Names, unit=1, truth="", band=0, **options: Any) -> Figure:
     """Return y with the interval from low to high, horizontal, a group for each value of x and a mark for each `hue`.
 
     If hue is x, each group has its own colour. truth: a column whose number is a line across its group. band: the

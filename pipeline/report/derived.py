@@ -43,16 +43,10 @@ def describe(layouts: Layouts, z_theta: Array, margins: Margins, table_tops: Seq
     least, nearest = slacks.min(0), np.array(SYMBOLS, dtype=object)[slacks.argmin(0)]
     bins = np.digitize(np.abs(least), DISTANCES[1:-1])
     scene, query = np.indices(least.shape)
-    columns = {
-        "scene": scene,
-        "query": query,
-        "z_x": z_theta[..., 0],
-        "z_y": z_theta[..., 1],
-        "distance": np.where(np.isinf(least), NOTHING, np.array(DISTANCE_LABELS)[bins]),
-        "nearest": np.where(np.isinf(least), NOTHING, nearest),
-        "items": layouts.present.sum(1)[scene],
-        "table_top": np.asarray(table_tops)[scene],
-    }
+    columns = {"scene": scene, "query": query, "z_x": z_theta[..., 0], "z_y": z_theta[..., 1]}
+    columns["distance"] = np.where(np.isinf(least), NOTHING, np.array(DISTANCE_LABELS)[bins])
+    columns["nearest"] = np.where(np.isinf(least), NOTHING, nearest)
+    columns |= {"items": layouts.present.sum(1)[scene], "table_top": np.asarray(table_tops)[scene]}
     return pd.DataFrame({name: values.ravel() for name, values in columns.items()})
 
 
@@ -62,24 +56,21 @@ def by_slice(judged: pd.DataFrame) -> pd.DataFrame:
     accuracy, with its quartiles q1 and q3 over seeds; unsafe: share of accepted paths that are invalid; refused: share
     of valid paths rejected; both NaN if there are none, and 0 for `all`; share: of all paths.
     """
-    table = judged.assign(
-        right=(judged["p"] > 0.5) == judged["valid"],
-        unsafe=np.where(judged["p"] > 0.5, ~judged["valid"], np.nan),
-        refused=np.where(judged["valid"], judged["p"] <= 0.5, np.nan),
-        all="all",
-    )
+    accepted, valid = judged["p"] > 0.5, judged["valid"]
+    errors = {"unsafe": np.where(accepted, ~valid, np.nan), "refused": np.where(valid, ~accepted, np.nan)}
+    table = judged.assign(right=accepted == valid, **errors, all="all")
     parts = []
     for name in ("all", *SLICES):
         keys = ["variant", "split", name]
         groups = table.groupby(keys, observed=True)
-        part = groups[["right", "unsafe", "refused"]].mean().assign(count=groups.size())
+        part = groups[["right", *errors]].mean().assign(count=groups.size())
         by_seed = table.groupby([*keys, "seed"], observed=True)["right"].mean().groupby(keys, observed=True)
         part = part.assign(q1=by_seed.quantile(0.25), q3=by_seed.quantile(0.75)).reset_index()
         parts.append(part.rename(columns={name: "value", "right": "accuracy"}).assign(slice=name))
     rows = pd.concat(parts, ignore_index=True)
     rows["value"] = rows["value"].astype(str)
-    whole, errors = rows["slice"] == "all", ["unsafe", "refused"]
-    rows.loc[whole, errors] = rows.loc[whole, errors].fillna(0.0)  # who accepts nothing accepts nothing invalid
+    whole = rows["slice"] == "all"
+    rows.loc[whole, [*errors]] = rows.loc[whole, [*errors]].fillna(0.0)  # who accepts nothing accepts nothing invalid
     total = rows[whole].set_index(["variant", "split"])["count"]
     rows["share"] = rows["count"] / total.loc[list(zip(rows["variant"], rows["split"], strict=True))].to_numpy()
     return rows[["variant", "split", "slice", "value", "accuracy", "q1", "q3", "unsafe", "refused", "share", "count"]]
@@ -180,9 +171,8 @@ def by_demonstrations(results: Results) -> pd.DataFrame:
 
 def by_distance(results: Results) -> pd.DataFrame:
     """Return accuracy in the training scenes by distance to the boundary, with the share of paths in its name."""
-    table = results.table("slices").query(
-        "split == 'seen_scenes' and slice == 'distance' and variant != 'position_only'"
-    )
+    rows = "split == 'seen_scenes' and slice == 'distance' and variant != 'position_only'"
+    table = results.table("slices").query(rows)
     share = table.groupby("value")["share"].first()
     names = {value: f"{value}\n{100 * share[value]:.0f} % of paths" for value in DISTANCE_LABELS if value in share}
     return pd.concat([table[table["value"] == value].assign(distance=name) for value, name in names.items()])

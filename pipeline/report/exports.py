@@ -115,9 +115,8 @@ def _table_2(table: pd.DataFrame, bold: str) -> tuple[list[str], list[list[str]]
     for row in frame.to_dict("records"):
         line = [row["Source"], row["User"]]
         for name in names[2:]:
-            text = (bold if row[f"{name}, bold"] else "{}").format(
-                write(None if row[name] is None else float(row[name]))
-            )
+            number = write(None if row[name] is None else float(row[name]))
+            text = (bold if row[f"{name}, bold"] else "{}").format(number)
             line.append(text + "†" * bool(row[f"{name}, beyond"]) + in_brackets(row, name, write))
         lines.append(line)
     return names, lines
@@ -166,11 +165,9 @@ def join(reports: Path, studies: Path) -> str:
     style = f"<style>\n{(reports / 'page.css').read_text()}</style>"
     nav = "".join(re.findall(r'<nav class="pages".*?</nav>', body, re.DOTALL)).replace(' aria-current="page"', "")
     skip = '<a class="skip" href="#main">Skip to the content</a>'
-    return (
-        re.sub(r'<link rel="stylesheet"[^>]*>', lambda _: style, head)
-        + f"<body>\n{skip}\n{_linked(nav, files[0], ids)}\n"
-        + f'<main id="main" tabindex="-1">\n{"".join(_article(file, ids) for file in files)}</main>\n</body>\n</html>\n'
-    )
+    head = re.sub(r'<link rel="stylesheet"[^>]*>', lambda _: style, head)
+    main = f'<main id="main" tabindex="-1">\n{"".join(_article(file, ids) for file in files)}</main>'
+    return f"{head}<body>\n{skip}\n{_linked(nav, files[0], ids)}\n{main}\n</body>\n</html>\n"
 
 
 def _article(file: Path, ids: Mapping[Path, str]) -> str:

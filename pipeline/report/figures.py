@@ -2,6 +2,7 @@
 
 import base64
 from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import cv2
@@ -69,20 +70,11 @@ def widget(results: Results) -> dict[str, Any]:
     tops = [(maps, place) for maps in (drawn.maps, drawn.patterned_maps) for place in range(len(drawn.mapped))]
     maps = [m for by, i in tops for u in users for m in (drawn.truth[u][i], *(by[v][u][i] for v in models))]
     stacked = np.rint(255 * np.concatenate(maps).astype(float)).astype(np.uint8)
-    return {
-        "start": P_INIT.tolist(),
-        "end": P_F.tolist(),
-        "low": Z_LOW,
-        "high": Z_HIGH,
-        "side": stacked.shape[1],
-        "users": users,
-        "first": _first_control_point(drawn.truth[users[0]][0], *(drawn.maps[v][users[0]][0] for v in models)),
-        "sources": ["Truth", *map(style.label, models)],
-        "scenes": drawn.mapped,
-        "images": [_png(fewer_levels(image)[..., ::-1]) for image in images],
-        "maps": _png(stacked),
-        "palette": [to_hex(colour) for colour in matplotlib.colormaps[style.MAP](np.linspace(0, 1, 9))],
-    }
+    first = _first_control_point(drawn.truth[users[0]][0], *(drawn.maps[v][users[0]][0] for v in models))
+    data = {"start": P_INIT.tolist(), "end": P_F.tolist(), "low": Z_LOW, "high": Z_HIGH, "side": stacked.shape[1]}
+    data |= {"users": users, "first": first, "sources": ["Truth", *map(style.label, models)], "scenes": drawn.mapped}
+    data |= {"images": [_png(fewer_levels(image)[..., ::-1]) for image in images], "maps": _png(stacked)}
+    return data | {"palette": [to_hex(hue) for hue in matplotlib.colormaps[style.MAP](np.linspace(0, 1, 9))]}
 
 
 def _first_control_point(truth: Array, *maps: Array) -> list[float]:
@@ -231,10 +223,8 @@ def who_accepts(results: Results) -> Figure:
 def items(results: Results) -> Figure:
     """Draw the catalogue: one row per symbol, training items framed green, unseen ones red."""
     table = results.catalogue.items
-    by_symbol = [
-        [(s, i) for s in SPLITS for i in np.flatnonzero((table["symbol"] == o) & (table["split"] == s))]
-        for o in SYMBOLS
-    ]
+    is_of = {key: (table["symbol"] == key[0]) & (table["split"] == key[1]) for key in product(SYMBOLS, SPLITS)}
+    by_symbol = [[(s, i) for s in SPLITS for i in np.flatnonzero(is_of[symbol, s])] for symbol in SYMBOLS]
     columns = max(map(len, by_symbol))
     figure, axes = panels(len(SYMBOLS), columns, 0.78 * columns + 0.9, 0.85 * len(SYMBOLS))
     for line, symbol, row in zip(axes, SYMBOLS, by_symbol, strict=True):

@@ -38,13 +38,8 @@ class Site:
 
 def environment(folders: Sequence[Path], **names: Any) -> Environment:
     """Return Jinja2's environment for templates in `folders` and this one; `names` are global in templates."""
-    made = Environment(
-        loader=FileSystemLoader([*folders, FOLDER]),
-        undefined=StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    made = Environment(loader=FileSystemLoader([*folders, FOLDER]), undefined=StrictUndefined, autoescape=True)
+    made.trim_blocks = made.lstrip_blocks = True
     made.globals |= FORMATS | {"formats": FORMATS, "label": style.label, "in_brackets": in_brackets, "hidden": HIDDEN}
     made.globals |= {"headings": headings, "heading": lambda name: style.label(name).capitalize()} | names
     return made
@@ -102,9 +97,7 @@ class Page:
         self.table_count += 1
         return f"Table {self.table_count}."
 
-    def _figure(
-        self, name: str, draw: Callable, caller: Callable, alt: str, wide=False, recording="", **options
-    ) -> Markup:
+    def _figure(self, name: str, draw: Callable, caller: Callable, alt: str, wide=False, recording="", **options):
         """Return a figure's markup; `recording`: `overview` or `worst`, the recording in git that shows the same."""
         with matplotlib.rc_context(style.RC):
             drawn = draw(**options)
@@ -134,9 +127,7 @@ class Page:
             sources = self.data.sources
             self.site.read.setdefault(self.name, {})[file] = read
             self.site.sources.update({table: sources[table] for table in read if table in sources})
-            files = [
-                ", ".join(f"{path.name} of {stage}" for stage, path in sources.get(one, ())) or one for one in read
-            ]
+            files = [", ".join(f"{path.name} of {of}" for of, path in sources.get(one, ())) or one for one in read]
             text["origins"] = dict.fromkeys(files)
             text["seeds"] = seeds_in_words(self.data.seeds)
         return Markup(self.made.get_template("table.html.j2").render(text))
@@ -161,12 +152,10 @@ def write_provenance(site: Site, out_dir: Path, facts: Mapping[str, Any]) -> Non
 
     A stage's lock names the same md5.
     """
-    sources = {
-        name: [
-            {"stage": of, "file": file.name, "md5": hashlib.md5(file.read_bytes()).hexdigest()} for of, file in files
-        ]
-        for name, files in sorted(site.sources.items())
-    }
+    sources: dict[str, list[dict[str, str]]] = {name: [] for name in sorted(site.sources)}
+    for name, listed in sources.items():
+        for stage, file in site.sources[name]:
+            listed.append({"stage": stage, "file": file.name, "md5": hashlib.md5(file.read_bytes()).hexdigest()})
     write_json(out_dir / "provenance.json", {**facts, "sources": sources, "pages": site.read})
 
 

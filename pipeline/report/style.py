@@ -58,14 +58,11 @@ def looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     spare = [name for name in list(COLOURS)[:6] if name not in known] * len(names)
     stands_for = {name: name for name in known}
     stands_for |= dict(zip((name for name in names if name not in known), spare, strict=False))
-    return {
-        name: {
-            "color": colour(as_if) if name not in ("", "paper") else INK,
-            "marker": MARKERS.get(as_if, "" if name else "o"),
-            "linestyle": LINES.get(as_if, "-"),
-        }
-        for name, as_if in stands_for.items()
-    }
+    made = {}
+    for name, as_if in stands_for.items():
+        hue, marker = INK if name in ("", "paper") else colour(as_if), MARKERS.get(as_if, "" if name else "o")
+        made[name] = {"color": hue, "marker": marker, "linestyle": LINES.get(as_if, "-")}
+    return made
 
 
 def of_series(artist: Artist, name: str, value: str = "") -> None:

@@ -156,9 +156,8 @@ def rows_of(
     frame, words = chosen(data, table, where), words or {}
     source = table.__name__ if callable(table) else data.source(table)
     shares = () if isinstance(formats, str) else [title for title, form in formats.items() if form.startswith("pct")]
-    fractions = [  # csv files hold 1.0 as 1
-        name for name in columns if pd.api.types.is_float_dtype(frame[name]) or columns[name] in shares
-    ]
+    is_float = pd.api.types.is_float_dtype  # csv files hold 1.0 as 1
+    fractions = [name for name in columns if is_float(frame[name]) or columns[name] in shares]
     if isinstance(formats, str):
         formats = dict.fromkeys((columns[name] for name in fractions), formats) if formats else {}
     fractions = [name for name in fractions if columns[name] in formats]
@@ -166,9 +165,7 @@ def rows_of(
     check_finite(frame, source, [name for name in fractions if columns[name] not in gaps])
     parts = {"q1": "q1", "q3": "q3"} if quartiles else dict(zip(("low", "high"), interval, strict=False))
     parts |= {part: name for part, name in (("bold", bold), ("beyond", beyond)) if name}
-    marks = {
-        name: {part: beside(frame, name, parts[part], name == fractions[0]) for part in parts} for name in fractions
-    }
+    marks = {n: {part: beside(frame, n, parts[part], n == fractions[0]) for part in parts} for n in fractions}
     marks = {name: {part: own for part, own in of.items() if own} for name, of in marks.items()}
     if absent := parts.keys() - {part for of in marks.values() for part in of}:
         raise KeyError(f"table {source} has no column for {sorted(absent)}")
@@ -184,9 +181,8 @@ def rows_of(
             title = _joined(head, columns[name])
             line[title] = Traced(float(row[name]), source, name, at) if pd.notna(row[name]) else None
             for part, own in marks[name].items():
-                line[f"{title}, {part}"] = (
-                    row[own] < SIGNIFICANT if (part, type(row[own])) == ("bold", float) else row[own]
-                )
+                is_p = (part, type(row[own])) == ("bold", float)
+                line[f"{title}, {part}"] = row[own] < SIGNIFICANT if is_p else row[own]
     order = [columns[name] for name in keys] if across else []
     for head in heads:
         for name in fractions if across else columns:

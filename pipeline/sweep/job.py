@@ -58,10 +58,8 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
     folder, objective, targets = sweep.job_folder(overrides), sweep.record["objective"], sweep.record["targets"]
     if not is_done(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        start, record = (
-            time.time(),
-            {"overrides": list(overrides), "commit": sweep.record["commit"], "state": "running"},
-        )
+        record = {"overrides": list(overrides), "commit": sweep.record["commit"], "state": "running"}
+        start = time.time()
         write_json(folder / "job.json", record)
         clone = sweep.folder / "clones" / f"{socket.gethostname()}-{os.getpid()}"
         try:
@@ -103,10 +101,9 @@ def _prepare(sweep: Sweep, clone: Path) -> None:
         clone.parent.mkdir(parents=True, exist_ok=True)
         make_clone(sweep.root, sweep.record["commit"], clone, LEFT_OUT)
         config = ConfigObj(f"{sweep.root}/.dvc/config.local", encoding="utf-8")  # the person's, such as cache.shared
-        config.merge(
-            {"core": {"site_cache_dir": f"{clone}/.dvc/tmp/site"}, 'remote "store"': {"url": f"{sweep.root}/store"}}
-        )
-        config.merge({"cache": {"dir": str(sweep.cache), "type": "reflink,hardlink,copy"}})
+        cache = {"dir": str(sweep.cache), "type": "reflink,hardlink,copy"}
+        config.merge({"core": {"site_cache_dir": f"{clone}/.dvc/tmp/site"}, "cache": cache})
+        config.merge({'remote "store"': {"url": f"{sweep.root}/store"}})
         config.filename = f"{clone}/.dvc/config.local"
         config.write()
     git(clone, "reset", "--quiet", "--hard")  # parameters, graph and locks of the job before

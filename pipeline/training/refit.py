@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import product
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -9,6 +11,8 @@ from jaxtyping import Float, Float32
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
+from pipeline.artifacts.demos import demo_arrays, read_demos
+from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.models.base import Images, ValidityModel
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import job_seed
@@ -25,6 +29,13 @@ TRAINERS = {"train": engines.trainer, "irl": irl.trainer, "clearance": clearance
 def trainer(variant: Mapping[str, Any], groups: Mapping[str, Any]) -> Trainer:
     """Return how its own stage fits a variant (conf/variants); groups: stage -> settings (conf/train.yaml, ...)."""
     return TRAINERS[variant["stage"]](variant, groups[variant["stage"]])
+
+
+def demonstrations(cfg: DictConfig, scenes: SceneSet) -> list[TrainingSet]:
+    """Return main_n_demos demonstrations a scene of each judged user and seed, in this order."""
+    demos, keys = read_demos(Path(cfg.paths.demos)), product(cfg.evaluate.users, cfg.protocol.seeds)
+    arrays = {(user, seed): demo_arrays(demos, seed, user, cfg.main_n_demos) for user, seed in keys}
+    return [TrainingSet(user, seed, scenes.images[train_pool(seed)], *arrays[user, seed]) for user, seed in arrays]
 
 
 def refit_and_predict(

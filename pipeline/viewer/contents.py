@@ -18,7 +18,7 @@ from pipeline.models.base import ValidityModel
 from pipeline.models.trained import load_model
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, Layouts
-from pipeline.world.rules import clearance, slack, valid
+from pipeline.world.rules import Margins, clearance, slack, valid
 
 REPAIR_COLUMNS = ["method", "variant", "user", "seed", "scene", "start", "valid_end"]
 CURVE_KEY = ["seed", "user", "n_demos", "step"]
@@ -105,7 +105,7 @@ class Run:
     data: str  # md5 of data/
     root_seed: int  # of the scenes
     parameters: str  # what the fit read, as YAML
-    margins: Mapping[str, float | None]  # the user's margin for each symbol [m]; None: no margin
+    margins: Margins  # the user's
     demonstrations: tuple[Demonstrations, ...]
     repairs: tuple[Repairs, ...]
     interventions: tuple[Intervention, ...]

@@ -30,7 +30,7 @@ def _cells(chunk: Chunk) -> list[Cell]:
     """Return one cell per row and component, without absent values, whose presence depends on chunking."""
     batch = chunk.to_record_batch()
     timelines = sorted(name for name in chunk.timeline_names if name != "log_time")  # of the blueprint alone
-    times = {name: _column(batch, name).cast(pa.int64()).to_pylist() for name in timelines}
+    times = {name: batch.column(name).cast(pa.int64()).to_pylist() for name in timelines}
     cells = []
     for i, field in enumerate(batch.schema):
         metadata = {k.decode(): v.decode() for k, v in (field.metadata or {}).items()}
@@ -41,10 +41,6 @@ def _cells(chunk: Chunk) -> list[Cell]:
                 when = tuple((name, times[name][row]) for name in timelines)
                 cells.append((str(chunk.entity_path), field.name, when, _canonical(value.values)))
     return cells
-
-
-def _column(batch: pa.RecordBatch, name: str) -> pa.Array:
-    return batch.column(batch.schema.get_field_index(name))
 
 
 def _canonical(array: pa.Array) -> bytes:

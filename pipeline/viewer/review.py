@@ -71,21 +71,16 @@ def show(path: Path, web: bool = False) -> int:
     """Open Rerun's viewer on the recording, for this machine only, until it is closed; return its exit code."""
     screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not (web or screen):
-        raise InputError(
-            f"no display to open a window on: add --web to look at {path.name} in a browser, --check to verify it, "
-            f"or copy {path} to a machine with a display and run `rerun {path.name}` there"
-        )
+        here = f"add --web to look at {path.name} in a browser, --check to verify it"
+        there = f"copy {path} to a machine with a display and run `rerun {path.name}` there"
+        raise InputError(f"no display to open a window on: {here}, or {there}")
     command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(path)]
     if web:
-        with socket.socket() as one, socket.socket() as other:  # two free ports
-            ports = []
-            for free in (one, other):
-                free.bind(("127.0.0.1", 0))
-                ports.append(free.getsockname()[1])
-        command += ["--web-viewer" if screen else "--serve-web", "--web-viewer-port", str(ports[0])]
-        command += ["--port", str(ports[1])]
-        proxy = quote(f"rerun+http://127.0.0.1:{ports[1]}/proxy", safe="")
-        print(f"open http://127.0.0.1:{ports[0]}/?url={proxy} in a browser; Ctrl-C stops", flush=True)
+        with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
+            page, port = one.getsockname()[1], other.getsockname()[1]  # two free ports
+        command += ["--web-viewer" if screen else "--serve-web", "--web-viewer-port", f"{page}", "--port", f"{port}"]
+        proxy = quote(f"rerun+http://127.0.0.1:{port}/proxy", safe="")
+        print(f"open http://127.0.0.1:{page}/?url={proxy} in a browser; Ctrl-C stops", flush=True)
     try:
         return subprocess.run(command).returncode
     except KeyboardInterrupt:
@@ -94,9 +89,8 @@ def show(path: Path, web: bool = False) -> int:
 
 def _main() -> int:
     about, _, examples = (__doc__ or "").partition("\n\n")
-    parser = argparse.ArgumentParser(
-        "python -m pipeline.viewer.review", None, about, examples, formatter_class=argparse.RawTextHelpFormatter
-    )
+    parser = argparse.ArgumentParser("python -m pipeline.viewer.review", None, about, examples)
+    parser.formatter_class = argparse.RawTextHelpFormatter
     which = parser.add_mutually_exclusive_group()
     which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
     which.add_argument("--worst", action="store_true", help="the run with the lowest accuracy")

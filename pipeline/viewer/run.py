@@ -41,6 +41,7 @@ from pipeline.viewer import scene as views
 from pipeline.viewer.contents import Repairs, Run, grouped
 from pipeline.viewer.scene import TABLE_PIXELS, boundary, footprints, on_map, on_table
 from pipeline.world.bezier import curve
+from pipeline.world.rules import Margins
 
 # The time lines of a run's recording, each with the time at which it shows the entities of the other time lines.
 TIMELINES = {"repair_step": 0, "intervention": 0, "demonstrations": 1, "train_step": 0}
@@ -114,7 +115,7 @@ def _layout(run: Run) -> rrb.Blueprint:
     return views.tabbed(run.name, tabs, rrb.TimePanel(state="collapsed", timeline=REPAIR, fps=6.0, loop_mode="all"))
 
 
-def _log_repairs(recording: rr.RecordingStream, shown: Repairs, margins: Mapping[str, float | None]) -> None:
+def _log_repairs(recording: rr.RecordingStream, shown: Repairs, margins: Margins) -> None:
     """Log a new scene with its maps and all repairs, on the time line repair_step; the invalid starts stay visible."""
     scene, side, count = f"scene_{shown.scene:03d}", len(shown.truth), len(shown.start)
     colours = [COLOURS[i % len(COLOURS)] for i in range(count)]
@@ -153,9 +154,7 @@ def _log_series(
     recording.send_columns(entity, [rr.TimeColumn(timeline, sequence=steps)], columns)
 
 
-def _log_marks(
-    recording: rr.RecordingStream, entity: str, centres: Array, valid: Array, word: str | None = None, **when: bool
-) -> None:
+def _log_marks(recording: rr.RecordingStream, entity: str, centres: Array, valid: Array, word="", **when: bool) -> None:
     """Log a disc for each valid path, and a cross, with a word beside it, for each invalid one."""
     if valid.any():
         discs = rr.Points2D(centres[valid], colors=views.VALID, radii=MARK_RADIUS, draw_order=TOP)
@@ -180,7 +179,8 @@ def _log_interventions(recording: rr.RecordingStream, run: Run) -> None:
         recording.log(f"{entity}/table/image", views.jpeg(done.image))
         recording.log(f"{entity}/table/added", rr.LineStrips2D([on_table(outline)], colors=views.START, radii=0.5))
         effects = done.predicted - before.predicted, done.truth - before.truth.astype(np.float64)
-        maps = [*map(views.p_classes, (done.predicted, done.truth)), *map(views.effect_classes, effects)]
+        maps = [views.p_classes(done.predicted), views.p_classes(done.truth)]
+        maps += [(views.EFFECT + np.round(50 * (1 + effect))).astype(np.uint8) for effect in effects]
         for (name, place), values in zip(EFFECT_MAPS.items(), maps, strict=True):
             views.log_map(recording, f"{entity}/{name}", values, views.panel(place, len(values)))
         recording.log(f"{entity}/effects", views.markdown(text("effects", run, step)))
@@ -230,10 +230,8 @@ def write_overview(path: Path, runs: Sequence[Run]) -> None:
     count = 2 + max(map(len, users.values()))  # table, truth, variants
     places = [divmod(i, COLUMNS) for i in range(count)]
     shape = places[-1][0] + 1, min(count, COLUMNS)
-    tabs = [
-        views.beside_text(f"{user} user", views.board(shape, f"/{user}/**", "/fixed/table_edges"), "overview")
-        for user in users
-    ]
+    boards = {user: views.board(shape, f"/{user}/**", FIXED[1]) for user in users}
+    tabs = [views.beside_text(f"{user} user", shown, "overview") for user, shown in boards.items()]
     time = rrb.TimePanel(state="collapsed", timeline=SCENE, play_state="paused", fps=0.5)
     with views.recording_at(path, "overview", views.tabbed("overview", tabs, time)) as recording:
         views.log_texts(recording, text("about_overview", runs), {"overview": text("overview", runs)})

@@ -23,12 +23,14 @@ from numpy import ndarray as Array
 from pipeline import legend
 from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW
 from pipeline.world.layout import SYMBOLS, Layouts
+from pipeline.world.rules import Margins
 
 APPLICATION = "causal-specifications"
 JPEG_QUALITY = 90
 TABLE_PIXELS = 100  # side of a scene's image [px]; the table is 1 m wide
 PITCH = 112.0  # distance between panels of a board [px]
 ARC_POINTS = 16  # points on each round end of a footprint
+NO_MARGINS: Margins = dict.fromkeys(SYMBOLS, 0.0)
 
 VALID, INVALID, START = (tuple(bytes.fromhex(x[1:])) for x in (legend.VALID, legend.INVALID, legend.START))  # RGB
 ITEM, KEPT_CLEAR = (255, 255, 255), (255, 255, 255, 110)  # RGB, RGBA; titles are white, too
@@ -66,13 +68,8 @@ def map_image(values: Array) -> Array:
     return np.ascontiguousarray(values[::-1])
 
 
-def footprints(layout: Layouts) -> list[tuple[str, Float[Array, "point 2"]]]:
-    """Return the symbol and the closed outline [m] of every item of the one scene in `layout`."""
-    return kept_clear(layout, dict.fromkeys(SYMBOLS, 0.0))
-
-
-def kept_clear(layout: Layouts, margins: Mapping[str, float | None]) -> list[tuple[str, Float[Array, "point 2"]]]:
-    """Return the same outlines enlarged by the user's margin, for items with a margin."""
+def footprints(layout: Layouts, margins: Margins = NO_MARGINS) -> list[tuple[str, Float[Array, "point 2"]]]:
+    """Return the symbol and the closed outline [m], enlarged by its margin, of the one scene's items with a margin."""
     half_turn = np.linspace(0.5 * np.pi, 1.5 * np.pi, ARC_POINTS)
     outlines = []
     for slot in np.flatnonzero(layout.present[0]):
@@ -120,9 +117,7 @@ def board(shape: tuple[int, int], *contents: str) -> rrb.Spatial2DView:
     """Return a view of panels in `shape` (rows, columns) with titles."""
     height, width = (PITCH * count - (PITCH - TABLE_PIXELS) for count in shape)
     bounds = rrb.VisualBounds2D(x_range=(-AROUND, width + AROUND), y_range=(-4 * AROUND, height + 2 * AROUND))
-    return rrb.Spatial2DView(
-        origin="/", contents=list(contents), background=BACKDROP, visual_bounds=bounds, titlebar=False
-    )
+    return rrb.Spatial2DView(contents=list(contents), background=BACKDROP, visual_bounds=bounds, titlebar=False)
 
 
 def classes() -> list[tuple[int, str, tuple[int, ...]]]:
@@ -186,16 +181,12 @@ def log_table_edges(recording: rr.RecordingStream, entity: str, maps: Iterable[P
 
 
 def log_table(
-    recording: rr.RecordingStream,
-    entity: str,
-    image: UInt8[Array, "100 100 3"],
-    layout: Layouts,
-    margins: Mapping[str, float | None],
+    recording: rr.RecordingStream, entity: str, image: UInt8[Array, "100 100 3"], layout: Layouts, margins: Margins
 ) -> None:
     """Log the image of the one scene in `layout`, its items, the margins [m] around them, start and goal."""
     recording.log(f"{entity}/image", jpeg(image))
     items = [(symbol, on_table(outline)) for symbol, outline in footprints(layout)]
-    clear = [on_table(outline) for _, outline in kept_clear(layout, margins)]
+    clear = [on_table(outline) for _, outline in footprints(layout, margins)]
     colours, radii = len(items) * [ITEM] + len(clear) * [KEPT_CLEAR], len(items) * [0.25] + len(clear) * [0.12]
     outlines = [*(outline for _, outline in items), *clear]
     recording.log(f"{entity}/outlines", rr.LineStrips2D(outlines, colors=colours, radii=radii))
@@ -219,13 +210,6 @@ def p_classes(values: Array) -> UInt8[Array, "*map"]:
     return (P_VALID + np.round(100 * values.astype(float))).astype(np.uint8)
 
 
-def effect_classes(values: Float[Array, "*map"]) -> UInt8[Array, "*map"]:
-    """Return the classes of differences of P(valid)."""
-    return (EFFECT + np.round(50 * (1 + values))).astype(np.uint8)
-
-
-def log_map(
-    recording: rr.RecordingStream, entity: str, values: UInt8[Array, "side side"], *place: rr.AsComponents
-) -> None:
-    """Log a map [y, x] of classes."""
+def log_map(recording: rr.RecordingStream, entity: str, values: UInt8[Array, "y x"], *place: rr.AsComponents) -> None:
+    """Log a map of classes."""
     recording.log(f"{entity}/map", rr.SegmentationImage(map_image(values), opacity=1.0), *place)

@@ -127,11 +127,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     head_answers = map_jobs(partial(fit_head, cfg), heads, cfg.workers, "perfect encoder")
 
     judged = zip([x.case for x in of_model] + heads, answers[: len(of_model)] + head_answers, strict=True)
-    rows = [
-        case.row(case.learner, len(case.judged[OWN].valid), split, right)
-        for case, by_split in judged
-        for split, right in by_split.items()
-    ]
+    rows = [c.row(c.learner, len(c.judged[OWN].valid), *one) for c, by_split in judged for one in by_split.items()]
     table = pd.DataFrame([*rows, *blind_rows(cases, prior)])
     write_table(out_dir / "scenes.csv", summarise(table, ["learner", "scenes", "split"]))
 
@@ -173,10 +169,8 @@ def draw_cases(cfg: DictConfig) -> list[Case]:
         codes, seen = [true_code(drawn.layouts, slots) for drawn in (pool, new)], slice(study.seen_scenes)
         for learner, numbers in study.scenes.items():
             here, there = (images, new_images) if learner == MODEL else codes
-            judges = {
-                SEEN: Labelled(here[seen], z[seen, n:], valid[seen, n:]),
-                NEW: Labelled(there, new_z[:, n:], new_valid[:, n:]),
-            }
+            judges = {SEEN: Labelled(here[seen], z[seen, n:], valid[seen, n:])}
+            judges[NEW] = Labelled(there, new_z[:, n:], new_valid[:, n:])
             for count in numbers:
                 own = Labelled(here[:count], z[:count, :n], valid[:count, :n])
                 cases.append(Case(learner, user, seed, {OWN: own} | judges))

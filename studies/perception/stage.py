@@ -218,9 +218,7 @@ def tables_and_paths(cfg: DictConfig, split: str) -> tuple[Rendered, Float[Array
 
 
 def accuracies(
-    keys: Iterable[tuple[str, int]],
-    p: Iterable[Float[Array, "scene path"]],
-    true: Mapping[str, Bool[Array, "scene path"]],
+    keys: Iterable[tuple[str, int]], p: Iterable[Float[Array, "scene n"]], true: Mapping[str, Bool[Array, "scene n"]]
 ) -> pd.DataFrame:
     """Return a row for each user and seed, with its P(valid), and scene: the share of paths judged right."""
     parts = []
@@ -262,10 +260,8 @@ def on_tables(cfg: DictConfig, split: str) -> Transfer:
     """Return the results on one split. Raise InputError if it has no pictures with an added item."""
     users, (tables, z) = list(cfg.evaluate.users), tables_and_paths(cfg, split)
     if not tables.with_item:
-        raise InputError(
-            f"{cfg.studies.perception.folder}/{split} has no pictures with an added item: leave this split out of "
-            "studies.perception.rendered"
-        )
+        leave = "leave this split out of studies.perception.rendered"
+        raise InputError(f"{cfg.studies.perception.folder}/{split} has no pictures with an added item: {leave}")
     layouts = [tables.layouts, *tables.layouts_with_item.values()]
     true = np.stack([[valid(x, z, cfg.users[user]) for x in layouts] for user in users])
     starts, models, parts = draw_starts(cfg, split, tables), trained(cfg), []
@@ -287,9 +283,8 @@ def draw_starts(cfg: DictConfig, split: str, tables: Rendered) -> dict[str, Star
     """Return each user's invalid paths among `repair.starts` random ones a scene, with the nearest valid ones."""
     rng = stream(cfg.studies.perception.root_seed, "starts", split)
     drawn, r = random_z_theta(rng, len(tables.images), cfg.repair.starts), cfg.repair
-    return {
-        u: Starts.of(u, cfg.users[u], tables.layouts, drawn, r.lattice_side, r.refinements) for u in cfg.evaluate.users
-    }
+    asked = tables.layouts, drawn, r.lattice_side, r.refinements
+    return {user: Starts.of(user, cfg.users[user], *asked) for user in cfg.evaluate.users}
 
 
 def _search(

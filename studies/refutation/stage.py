@@ -18,46 +18,23 @@ from omegaconf import DictConfig, OmegaConf
 from pydantic import Field
 from scipy.stats import t as student
 
-from pipeline.artifacts.demos import demo_arrays, read_demos
-from pipeline.artifacts.files import read_arrays, write_arrays, write_table
-from pipeline.artifacts.scenes import SceneSet, read_interventions, read_scenes, train_pool
+from pipeline.artifacts.files import write_arrays, write_table
+from pipeline.artifacts.scenes import AddedItems, SceneSet, Versions, read_scenes, read_versions, train_pool
 from pipeline.causal import refuters
 from pipeline.causal.interventions import added_item_effects, estimate_effects, questions, verdicts
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights, predict_all
+from pipeline.runtime import settings
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
-from pipeline.runtime.settings import (
-    Chance,
-    Count,
-    Counts,
-    Group,
-    Length,
-    Pair,
-    Several,
-    Share,
-    StudyGroup,
-    Whole,
-    need,
-    widest_margin,
-)
+from pipeline.runtime.settings import Count, Counts, Group, Length, Pair, Several, Share, StudyGroup, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.stats.tests import LEVEL
-from pipeline.training.refit import TrainingSet, refit_and_predict
+from pipeline.training.refit import TrainingSet, demonstrations, refit_and_predict
+from pipeline.world import layout
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import (
-    SIDE,
-    SYMBOLS,
-    Items,
-    LayoutRules,
-    Layouts,
-    add_item,
-    allowed,
-    concatenated,
-    empty,
-    segment_distance,
-)
+from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts
 from pipeline.world.render import ImageSource, Palette, read_palette, render_scenes
 from pipeline.world.rules import clearance, valid
 
@@ -78,7 +55,7 @@ class World(Group):
 
     root_seed: Whole
     scenes: Several
-    p_common_cause: Chance
+    p_common_cause: settings.Chance
     gap_m: Pair
     present: Share
     glasses: Count
@@ -97,14 +74,14 @@ class Settings(StudyGroup):
 
 def agree(study: Settings, parameters: Any) -> None:
     """Require pieces that tile an image, `far_m` beyond every margin, and room for plates and glasses."""
-    name, layout, world = "studies.refutation", parameters.scenes.layout, study.world
+    name, laid, world = "studies.refutation", parameters.scenes.layout, study.world
     tiles = all(SIDE % piece == 0 for piece in study.pieces)
     need(tiles, f"{name}.pieces", study.pieces, f"numbers that divide {SIDE}, an image's side [px]")
-    widest = widest_margin(parameters.users) or 0.0
+    widest = settings.widest_margin(parameters.users) or 0.0
     need(study.far_m > widest, f"{name}.far_m", study.far_m, f"more than the widest margin in users, {widest} m")
-    lengths = f"two lengths from scenes.layout.clear_of_items = {layout.clear_of_items} on, the smaller first [m]"
-    need(layout.clear_of_items <= world.gap_m[0] <= world.gap_m[1], f"{name}.world.gap_m", world.gap_m, lengths)
-    room = layout.slots - max(layout.items_per_scene) + 1
+    lengths = f"two lengths from scenes.layout.clear_of_items = {laid.clear_of_items} on, the smaller first [m]"
+    need(laid.clear_of_items <= world.gap_m[0] <= world.gap_m[1], f"{name}.world.gap_m", world.gap_m, lengths)
+    room = laid.slots - max(laid.items_per_scene) + 1
     few = f"a whole number from 1 to {room} (layout.slots)"
     need(world.glasses <= room, f"{name}.world.glasses", world.glasses, few)
 
@@ -114,45 +91,24 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     check_weights(cfg)
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
-    added = read_interventions(Path(cfg.paths.intervene), scenes.layouts[pool])
-    z_theta = read_arrays(Path(cfg.paths.intervene) / "images.npz")["z_theta"]
-    layouts = [scenes.layouts[pool], *added.layouts]  # by version: original, each symbol added
-    images = np.concatenate([scenes.images[pool][None], added.images])  # (version, scene, ...)
-    demos, ordinary = read_demos(Path(cfg.paths.demos)), []
-    for user, seed in product(cfg.evaluate.users, cfg.protocol.seeds):
-        paths, labels = demo_arrays(demos, seed, user, cfg.main_n_demos)
-        ordinary.append(TrainingSet(user, seed, scenes.images[train_pool(seed)], paths, labels))
-
-    first = slice(cfg.studies.refutation.scenes)
-    placed = [x[first] for x in added.placed]
-    ask_refuters(cfg, [x[first] for x in layouts], placed, images[:, first], z_theta[first], ordinary, out_dir)
-    first = slice(cfg.studies.refutation.world.scenes)
-    ask_in_confounded_world(
-        cfg, scenes, [x[first] for x in layouts], images[:, first], z_theta[first], ordinary, out_dir
-    )
+    ordinary = demonstrations(cfg, scenes)
+    ask_refuters(cfg, read_versions(cfg, scenes, cfg.studies.refutation.scenes), ordinary, out_dir)
+    ask_in_confounded_world(cfg, scenes, ordinary, out_dir)
 
 
 # Refuters
 
 
-def ask_refuters(
-    cfg: DictConfig,
-    layouts: list[Layouts],
-    placed: list[Layouts],
-    images: Images,
-    z_theta: Float[Array, "scene path 2"],
-    ordinary: list[TrainingSet],
-    out_dir: Path,
-) -> None:
+def ask_refuters(cfg: DictConfig, asked: Versions, ordinary: list[TrainingSet], out_dir: Path) -> None:
     """Write summary.csv, passed.parquet, and examples.npz: each placebo patch in the first scene, by symbol."""
     study, users, seeds = cfg.studies.refutation, list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    images, layouts, z_theta = asked
+    placed = AddedItems(images[1:], layouts[1:]).placed
     far = np.stack([clearance(item, z_theta)[..., 0] > study.far_m for item in placed])  # (symbol, scene, path)
     far_scenes = far.any(-1).all(0)  # (scene,)
     if far_scenes.sum() < 2:
-        raise InputError(
-            f"studies.refutation.far_m is {study.far_m}: expected a length that paths of at least two scenes keep from "
-            "each added item; lower it"
-        )
+        expected = "a length that paths of at least two scenes keep from each added item; lower it"
+        raise InputError(f"studies.refutation.far_m is {study.far_m}: expected {expected}")
 
     # Each set of images is predicted once; a refuter compares versions of one or two sets.
     patches = {}
@@ -171,7 +127,7 @@ def ask_refuters(
         labels = stream(study.root_seed, "permuted", t.user, t.seed).permutation(t.valid.ravel())
         permuted.append(replace(t, valid=labels.reshape(t.valid.shape)))
     compared = [name for name, variant in cfg.variants.items() if variant.compared]
-    p_permuted = fit_and_predict(cfg, dict.fromkeys(compared, permuted), images, z_theta, "permuted labels")
+    p_permuted = fit_and_predict(cfg, dict.fromkeys(compared, permuted), asked, "permuted labels")
 
     summary = []
     for variant, p in p_by_variant.items():
@@ -207,38 +163,23 @@ def render_elsewhere(cfg: DictConfig, layouts: list[Layouts]) -> dict[str, Image
         splits = ", ".join(sorted(set(catalogue.textures["split"])))
         raise InputError(f"studies.refutation.textures is {study.textures!r}: expected one of {splits}")
     seeds = stream(study.root_seed, "lights").integers(2**31, size=len(layouts[0])).tolist()
-    return {
-        texture: np.stack([render_scenes(x, [texture] * len(x), seeds, palette) for x in layouts])
-        for texture in textures
-    }
+    return {t: np.stack([render_scenes(x, [t] * len(x), seeds, palette) for x in layouts]) for t in textures}
 
 
 def fit_and_predict(
-    cfg: DictConfig,
-    training_sets: dict[str, list[TrainingSet]],
-    images: Images,
-    z_theta: Float[Array, "scene path 2"],
-    desc: str,
+    cfg: DictConfig, training_sets: dict[str, list[TrainingSet]], asked: Versions, desc: str
 ) -> dict[str, Float[Array, "world user seed version scene path"]]:
     """Fit every variant to its training sets, by world, user and seed; return P(valid) of every path."""
-    flat_images, repeated = images.reshape(-1, *images.shape[2:]), np.tile(z_theta, (len(images), 1, 1))
-    p = refit_and_predict(cfg, training_sets, flat_images, repeated, desc)
-    shape = len(cfg.evaluate.users), len(cfg.protocol.seeds), *images.shape[:2], z_theta.shape[1]
+    images, z_theta = np.concatenate(asked.images), np.tile(asked.z_theta, (len(asked.images), 1, 1))
+    p = refit_and_predict(cfg, training_sets, images, z_theta, desc)
+    shape = len(cfg.evaluate.users), len(cfg.protocol.seeds), *asked.images.shape[:2], z_theta.shape[1]
     return {variant: x.reshape(-1, *shape) for variant, x in p.items()}
 
 
 # The confounded world
 
 
-def ask_in_confounded_world(
-    cfg: DictConfig,
-    scenes: SceneSet,
-    layouts: list[Layouts],
-    images: Images,
-    z_theta: Float[Array, "scene path 2"],
-    ordinary: list[TrainingSet],
-    out_dir: Path,
-) -> None:
+def ask_in_confounded_world(cfg: DictConfig, scenes: SceneSet, ordinary: list[TrainingSet], out_dir: Path) -> None:
     """Write association.csv, effects.csv, and worlds.npz: images of training scenes of each world.
 
     Variants of the stages irl and clearance, which see items, are fitted in both worlds; the effects of items added to
@@ -268,9 +209,9 @@ def ask_in_confounded_world(
 
     fitted = [str(name) for name, v in cfg.variants.items() if v.compared and v.stage in ("irl", "clearance")]
     both = training_sets[CONTROL] + training_sets[CONFOUNDED]
-    truth = np.stack([[valid(x, z_theta, cfg.users[user]) for x in layouts] for user in users])
-    effects = []
-    for variant, p in fit_and_predict(cfg, dict.fromkeys(fitted, both), images, z_theta, "confounded world").items():
+    asked, effects = read_versions(cfg, scenes, world.scenes), []
+    truth = np.stack([[valid(x, asked.z_theta, cfg.users[user]) for x in asked.layouts] for user in users])
+    for variant, p in fit_and_predict(cfg, dict.fromkeys(fitted, both), asked, "confounded world").items():
         control, confounded = (verdicts(users, x, truth) for x in p)
         shift = estimate_effects(added_item_effects(p[1]) - added_item_effects(p[0]))
         shift = shift[["effect", "ci_low", "ci_high", "p_holm"]].add_prefix("shift_")
@@ -308,42 +249,37 @@ def draw_scenes(cfg: DictConfig, key: tuple[str, int]) -> tuple[Layouts, UInt8[A
     rng, rules = stream(world.root_seed, "scenes", train_pool(seed)), LayoutRules.of(cfg.scenes.layout)
     p_common_cause = world.p_common_cause if name == CONFOUNDED else 0.0
     items = catalogue.footprints, catalogue.pool("train")
-    layouts = concatenated([lay_out(r, *items, rules, world, p_common_cause) for r in rng.spawn(count)])
+    layouts = layout.concatenated([lay_out(r, *items, rules, world, p_common_cause) for r in rng.spawn(count)])
     textures, seeds = rng.choice(catalogue.texture_names("train"), count), rng.integers(2**31, size=count)
     return layouts, render_scenes(layouts, list(textures), seeds.tolist(), palette)
 
 
 def lay_out(
-    rng: np.random.Generator,
-    items: Items,
-    pool: Int[Array, " pool"],
-    rules: LayoutRules,
-    world: World,
-    p_common_cause: float,
+    rng: np.random.Generator, items: Items, pool: Int[Array, " n"], rules: LayoutRules, world: World, p_common: float
 ) -> Layouts:
     """Draw one scene with items of `pool` (catalogue rows): a plate, glasses, and bowls and cutlery.
 
-    With probability `p_common_cause` plate and glasses have a common cause: glasses stand beside the plate, or both are
-    missing. Else they are drawn independently. The frequency of each symbol does not depend on `p_common_cause`. The
+    With probability `p_common` plate and glasses have a common cause: glasses stand beside the plate, or both are
+    missing. Else they are drawn independently. The frequency of each symbol does not depend on `p_common`. The
     plate and all glasses together count as one item each of `items_per_scene`. All items are drawn before any is
     placed, even items that turn out not to be needed.
     """
-    common_cause = rng.uniform() < p_common_cause
+    common_cause = rng.uniform() < p_common
     plate, independent_glasses = (bool(rng.uniform() < world.present) for _ in range(2))
     glasses = plate if common_cause else independent_glasses
     count = max(0, int(rng.choice(rules.items_per_scene)) - plate - glasses)
     others = rng.choice(OTHERS, count).tolist()
     laid = [PLATE] * plate + [GLASS] * (world.glasses * glasses)
     while True:
-        scene = empty(1, rules.slots)
+        scene = layout.empty(1, rules.slots)
         for slot, symbol in enumerate(laid):
-            scene = add_item(rng, scene, symbol, items, pool, rules)
+            scene = layout.add_item(rng, scene, symbol, items, pool, rules)
             if common_cause and symbol == GLASS and not move_beside_first(rng, scene, slot, rules, world):
                 break
         else:
             break
     for symbol in others:
-        scene = add_item(rng, scene, symbol, items, pool, rules)
+        scene = layout.add_item(rng, scene, symbol, items, pool, rules)
     return scene
 
 
@@ -355,14 +291,14 @@ def move_beside_first(rng: np.random.Generator, scene: Layouts, slot: int, rules
     """
 
     def gap_between() -> float:
-        return float(segment_distance(*scene.ends[0, [slot, 0]]) - scene.radius[0, slot] - scene.radius[0, 0])
+        return float(layout.segment_distance(*scene.ends[0, [slot, 0]]) - scene.radius[0, slot] - scene.radius[0, 0])
 
     gap = rng.uniform(world.gap_m[0], world.gap_m[1])
     towards = scene.centre[0, 0] - scene.centre[0, slot]
     towards /= np.linalg.norm(towards)
     while abs(excess := gap_between() - gap) > GAP_TOLERANCE_M:
         scene.centre[0, slot] += excess * towards
-    return bool(allowed(scene, np.array([slot]), rules)[0])
+    return bool(layout.allowed(scene, np.array([slot]), rules)[0])
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
-from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
+from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import AddedItems, read_interventions, read_position_prior, read_scenes, train_pool
 from pipeline.causal.envelope import dose_grid, envelopes, paths_at_doses, response_curve
@@ -29,28 +29,15 @@ from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import POSITION, position_only
 from pipeline.models.trained import check_weights, predict_all
 from pipeline.planning.nearest import nearest_valid
+from pipeline.runtime import settings
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.settings import (
-    Between,
-    Count,
-    Group,
-    Length,
-    Several,
-    Shares,
-    Some,
-    StudyGroup,
-    Whole,
-    need,
-    need_one,
-    need_some,
-    widest_margin,
-)
+from pipeline.runtime.settings import Between, Count, Group, Length, Several, Shares, Some, StudyGroup, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.runtime.writing import atomic_write
 from pipeline.stats.conformal import accept, p_values, score, share_by_scene
 from pipeline.stats.crossed import estimate
 from pipeline.stats.scores import DECISION
-from pipeline.training.refit import TrainingSet, refit
+from pipeline.training.refit import TrainingSet, demonstrations, refit
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import clearance, slack, valid
@@ -100,9 +87,9 @@ class Settings(StudyGroup):
 def agree(study: Settings, parameters: Any) -> None:
     """Require known variants, paths beyond every margin, `level` among `levels`, and scenes left for calibration."""
     envelope, promise, name = study.envelope, study.acceptance, "studies.safety"
-    need_one(f"{name}.envelope.planner", envelope.planner, parameters.variants)
-    need_some(f"{name}.acceptance.variants", promise.variants, parameters.variants)
-    widest, per_seed = widest_margin(parameters.users) or 0.0, parameters.scenes.per_seed
+    settings.need_one(f"{name}.envelope.planner", envelope.planner, parameters.variants)
+    settings.need_some(f"{name}.acceptance.variants", promise.variants, parameters.variants)
+    widest, per_seed = settings.widest_margin(parameters.users) or 0.0, parameters.scenes.per_seed
     above = f"more than the widest margin in users, {widest} m"
     need(envelope.clear_of_others > widest, f"{name}.envelope.clear_of_others", envelope.clear_of_others, above)
     among = f"{name}.acceptance.level = {promise.level} among them"
@@ -186,11 +173,9 @@ def choose_paths(cfg: DictConfig, scenes: Scenes, doses: Float[Array, " dose"]) 
     for symbol, item, has_dose in zip(SYMBOLS, scenes.added.item, chosen[..., 0] >= 0, strict=True):
         items = np.array([len(np.unique(item[scene])) for scene in has_dose.T])  # number of items by dose
         if items.min() < 2:
-            raise InputError(
-                f"{items.min()} items have {study.paths} paths {doses[items.argmin()]:.4f} m from an added {symbol} "
-                "and in contact, in some scene: expected at least 2; raise studies.safety.envelope.candidates, lower "
-                "its doses, paths or clear_of_others, or intervene on more scenes"
-            )
+            what = f"{items.min()} items have {study.paths} paths {doses[items.argmin()]:.4f} m from an added {symbol}"
+            how = "raise studies.safety.envelope.candidates, lower its doses, paths or clear_of_others, or intervene on"
+            raise InputError(f"{what} and in contact, in some scene: expected at least 2; {how} more scenes")
     return chosen
 
 
@@ -272,13 +257,10 @@ def write_specification(path: Path, variant: str, learned: pd.DataFrame, plannin
 def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
     """Write levels.csv, outcomes at each promised share, and acceptance.csv, those at the promise by user."""
     study, users, seeds = cfg.studies.safety.acceptance, list(cfg.evaluate.users), list(cfg.protocol.seeds)
-    scenes, demos = read_scenes(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos))
+    scenes = read_scenes(Path(cfg.paths.scenes))
     splits = {split: pool for split, pool in cfg.protocol.splits.items() if pool}
     scenes.check_has(*map(train_pool, seeds), *splits.values())
-    complete = [
-        TrainingSet(u, s, scenes.images[train_pool(s)], *demo_arrays(demos, s, u, cfg.main_n_demos))
-        for u, s in product(users, seeds)
-    ]
+    complete = demonstrations(cfg, scenes)
     queries = {split: read_queries(Path(cfg.paths.demos))[pool] for split, pool in splits.items()}
     images = np.concatenate([scenes.images[pool] for pool in splits.values()])
     z_theta = np.concatenate([q.z for q in queries.values()])
@@ -286,10 +268,8 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
     # Two models per user and seed: one of some scenes, for conformal selection, and one of all, for the threshold.
     draws = [stream(study.root_seed, "scenes", x.seed).permutation(len(x.images)) for x in complete]  # same for users
     fitted = [np.sort(drawn[: study.fitted]) for drawn in draws]
-    some = [
-        replace(x, images=x.images[part], z_theta=x.z_theta[part], valid=x.valid[part])
-        for x, part in zip(complete, fitted, strict=True)
-    ]
+    parts = zip(complete, fitted, strict=True)
+    some = [replace(x, images=x.images[i], z_theta=x.z_theta[i], valid=x.valid[i]) for x, i in parts]
     predict = partial(predict_demos_and_paths, {(x.user, x.seed): x for x in complete}, images, z_theta)
     answers = refit(cfg, dict.fromkeys(study.variants, some + complete), predict, "accept")
     prior = read_position_prior(Path(cfg.paths.scenes))
@@ -321,9 +301,9 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def predict_demos_and_paths(
-    complete: Mapping[tuple[str, int], TrainingSet],
-    images: UInt8[Array, "scene 100 100 3"],
-    z_theta: Float[Array, "scene path 2"],
+    complete: Mapping[tuple, TrainingSet],
+    images: Array,
+    z_theta: Array,
     model: ValidityModel,
     training_set: TrainingSet,
 ) -> tuple[Float[Array, "training demo"], Float[Array, "scene path"]]:

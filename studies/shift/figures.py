@@ -5,14 +5,9 @@ from matplotlib.figure import Figure
 from pipeline.report.drawing import draw_images
 from pipeline.report.study import Study
 
-SHOWN = {  # disturbance -> title of its image; the strongest form of each is drawn
-    "none": "as it is",
-    "texture": "another table top",
-    "noise": "sensor noise",
-    "blur": "blur",
-    "arm": "an arm in view",
-    "clutter": "added items",
-}
+# disturbance -> title of its image; the strongest form of each is drawn
+SHOWN = {"none": "as it is", "texture": "another table top", "noise": "sensor noise", "blur": "blur"}
+SHOWN |= {"arm": "an arm in view", "clutter": "added items"}
 
 
 def same_scene(study: Study) -> Figure:

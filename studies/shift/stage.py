@@ -3,7 +3,6 @@
 Fitted models judge the same paths in disturbed scenes. For wrong labels and for another rule, models are fitted again.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -17,9 +16,9 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
-from pipeline.artifacts.files import read_arrays, write_arrays, write_table
-from pipeline.artifacts.scenes import SceneSet, read_interventions, read_position_prior, read_scenes, train_pool
+from pipeline.artifacts.demos import read_queries
+from pipeline.artifacts.files import write_arrays, write_table
+from pipeline.artifacts.scenes import SceneSet, Versions, read_position_prior, read_scenes, read_versions, train_pool
 from pipeline.causal.interventions import verdicts
 from pipeline.launch import launch
 from pipeline.models import baselines
@@ -31,21 +30,11 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import Counts, Distance, Several, Shares, Some, Strengths, StudyGroup, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION, accuracy_estimate
-from pipeline.training.refit import TrainingSet, refit, refit_and_predict
+from pipeline.training.refit import TrainingSet, demonstrations, refit, refit_and_predict
+from pipeline.world import layout
 from pipeline.world.bezier import curve, lattice
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import (
-    SIDE,
-    SYMBOLS,
-    Items,
-    LayoutRules,
-    Layouts,
-    add_item,
-    concatenated,
-    empty,
-    point_segment_distance,
-    segment_distance,
-)
+from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts
 from pipeline.world.render import ImageSource, Palette, render_scenes
 from pipeline.world.rules import SAMPLES, Margins, valid
 
@@ -82,7 +71,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     judge_disturbances(cfg, scenes, pool, out_dir)
-    judge_rules(cfg, scenes, pool, out_dir)
+    judge_rules(cfg, scenes, out_dir)
 
 
 # Disturbances
@@ -101,10 +90,8 @@ class Condition:
 def judge_disturbances(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> None:
     """Write disturbances.csv, and examples.npz: the first scene under each disturbance."""
     conditions, z_theta = draw_conditions(cfg, scenes, pool)
-    judged = [
-        *zip(conditions, predict_in_conditions(cfg, conditions, z_theta), strict=True),
-        *predict_after_label_noise(cfg, scenes, conditions[0], z_theta),
-    ]
+    judged = list(zip(conditions, predict_in_conditions(cfg, conditions, z_theta), strict=True))
+    judged += predict_after_label_noise(cfg, scenes, conditions[0], z_theta)
     summary = [
         {"corruption": x.corruption, "strength": str(x.strength), "variant": variant}
         | accuracy_estimate(p > DECISION, x.valid)
@@ -173,10 +160,11 @@ def predict_after_label_noise(
     study, compared = cfg.studies.shift, [name for name, variant in cfg.variants.items() if variant.compared]
     shares = {v: [float(x) for x in study.mislabelled.get(cfg.variants[v].stage, ())] for v in compared}
 
-    def flipped(share: float, user: str, seed: int, _, __, labels: Bool[Array, "scene n"]) -> Bool[Array, "scene n"]:
-        return flip_labels(stream(study.root_seed, "mislabelled", user, seed), labels, share)
+    def flipped(t: TrainingSet, share: float) -> TrainingSet:
+        return replace(t, valid=flip_labels(stream(study.root_seed, "mislabelled", t.user, t.seed), t.valid, share))
 
-    noisy = {x: relabelled(cfg, scenes, partial(flipped, x)) for x in sorted({x for xs in shares.values() for x in xs})}
+    demos, every_share = demonstrations(cfg, scenes), sorted({x for xs in shares.values() for x in xs})
+    noisy = {share: [flipped(t, share) for t in demos] for share in every_share}
     training_sets = {v: [one for share in xs for one in noisy[share]] for v, xs in shares.items() if xs}
     refitted = refit_and_predict(cfg, training_sets, undisturbed.images, z_theta, "wrong labels")
     shape = len(cfg.evaluate.users), len(cfg.protocol.seeds), *z_theta.shape[:2]
@@ -185,16 +173,6 @@ def predict_after_label_noise(
         for share, p_of_share in zip(shares[variant], p.reshape(-1, *shape), strict=True):
             by_share[share][variant] = p_of_share
     return [(replace(undisturbed, corruption="mislabelled", strength=share), p) for share, p in by_share.items()]
-
-
-def relabelled(cfg: DictConfig, scenes: SceneSet, label: Callable[..., Bool[Array, "scene n"]]) -> list[TrainingSet]:
-    """Return the demonstrations by user and seed, with labels from `label`(user, seed, layouts, z_theta, labels)."""
-    demos, training_sets = read_demos(Path(cfg.paths.demos)), []
-    for user, seed in product(cfg.evaluate.users, cfg.protocol.seeds):
-        (z_theta, labels), pool = demo_arrays(demos, seed, user, cfg.main_n_demos), train_pool(seed)
-        labels = label(user, seed, scenes.layouts[pool], z_theta, labels)
-        training_sets.append(TrainingSet(user, seed, scenes.images[pool], z_theta, labels))
-    return training_sets
 
 
 # Another rule
@@ -208,23 +186,16 @@ class Fitted(NamedTuple):
     posterior: dict[str, float]  # family of the model, or "constant" -> its probability
 
 
-def judge_rules(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> None:
+def judge_rules(cfg: DictConfig, scenes: SceneSet, out_dir: Path) -> None:
     """Write rules.csv, verdicts.csv and posterior.csv: clearance models fitted to each rule, and judged by it.
 
     Each variant of stage clearance is also fitted with family `margin` alone, without averaging over families, and then
     called `<variant>_margin`.
     """
     users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
-    folder, first = Path(cfg.paths.intervene), slice(cfg.studies.shift.rule_scenes)
-    added, z_theta = (
-        read_interventions(folder, scenes.layouts[pool]),
-        read_arrays(folder / "images.npz")["z_theta"][first],
-    )
-    layouts = [x[first] for x in (scenes.layouts[pool], *added.layouts)]  # by version: original, each symbol added
-    images = np.concatenate([scenes.images[pool][None, first], added.images[:, first]])  # (version, scene, ...)
-
+    images, layouts, z_theta = asked = read_versions(cfg, scenes, cfg.studies.shift.rule_scenes)
     averaged = [name for name, variant in cfg.variants.items() if variant.stage == "clearance"]
-    fitted = fit_to_rules(cfg, averaged, scenes, images, z_theta)
+    fitted = fit_to_rules(cfg, averaged, scenes, asked)
     summary, judged, posteriors = [], [], []
     for rule in (OWN_RULE, PROXIMITY):
         labels = np.stack([[is_valid(cfg, rule, x, z_theta, user) for x in layouts] for user in users])
@@ -251,32 +222,23 @@ def judge_rules(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> 
 
 
 def fit_to_rules(
-    cfg: DictConfig,
-    averaged: list[str],
-    scenes: SceneSet,
-    images: UInt8[Array, "version scene 100 100 3"],
-    z_theta: Paths,
+    cfg: DictConfig, averaged: list[str], scenes: SceneSet, asked: Versions
 ) -> dict[tuple[str, str], list[Fitted]]:
     """Fit every variant, averaged and with one family, to every rule; return (rule, variant) -> by user and seed."""
-
-    def judged_by(rule: str, user: str, _, layouts: Layouts, z_theta: Paths, __) -> Bool[Array, "scene n"]:
-        return is_valid(cfg, rule, layouts, z_theta, user)
-
-    training_sets = {rule: relabelled(cfg, scenes, partial(judged_by, rule)) for rule in (OWN_RULE, PROXIMITY)}
+    every_set = [
+        replace(t, valid=is_valid(cfg, rule, scenes.layouts[train_pool(t.seed)], t.z_theta, t.user))
+        for rule, t in product((OWN_RULE, PROXIMITY), demonstrations(cfg, scenes))
+    ]
     cfg, alone = cfg.copy(), [f"{variant}_{OWN_RULE}" for variant in averaged]
     OmegaConf.set_struct(cfg, False)
     for variant, name in zip(averaged, alone, strict=True):
         members = cfg.variants[variant].model.members * len(FAMILIES)  # as many as the averaged model has in all
         cfg.variants[name] = {**cfg.variants[variant], "model": {"members": members, "families": [OWN_RULE]}}
-    every_set = [x for sets in training_sets.values() for x in sets]
-    flat_images, paths = images.reshape(-1, *images.shape[2:]), np.tile(z_theta, (len(images), 1, 1))
-    answers = refit(cfg, dict.fromkeys([*averaged, *alone], every_set), partial(answer, flat_images, paths), "rules")
-    size = len(every_set) // len(training_sets)
-    return {
-        (rule, variant): of_variant[i * size : (i + 1) * size]
-        for variant, of_variant in answers.items()
-        for i, rule in enumerate(training_sets)
-    }
+    images, paths = np.concatenate(asked.images), np.tile(asked.z_theta, (len(asked.images), 1, 1))
+    answers = refit(cfg, dict.fromkeys([*averaged, *alone], every_set), partial(answer, images, paths), "rules")
+    half = len(every_set) // 2
+    parts = (OWN_RULE, slice(half)), (PROXIMITY, slice(half, None))
+    return {(rule, variant): x[part] for variant, x in answers.items() for rule, part in parts}
 
 
 def answer(images: Images, z_theta: Paths, model: ValidityModel, training_set: TrainingSet) -> Fitted:
@@ -309,14 +271,14 @@ def proximity(layouts: Layouts, z_theta: Paths, margins: Margins, within_m: floa
 
     A neighbour is any other item whose footprint is at most `within_m` [m] away.
     """
-    gap = segment_distance(layouts.ends[:, :, None], layouts.ends[:, None])  # (scene, slot, slot)
+    gap = layout.segment_distance(layouts.ends[:, :, None], layouts.ends[:, None])  # (scene, slot, slot)
     gap = gap - layouts.radius[:, :, None] - layouts.radius[:, None]
     other = layouts.present[:, :, None] & layouts.present[:, None] & ~np.eye(gap.shape[1], dtype=bool)
     has_neighbour = np.any(other & (gap <= within_m), axis=-1)  # (scene, slot)
     margin = np.array([np.nan if margins[s] is None else margins[s] for s in SYMBOLS] + [np.nan])[layouts.symbol]
     points, broken = curve(z_theta, SAMPLES), np.zeros(z_theta.shape[:2], bool)
     for slot in range(gap.shape[1]):
-        distance = point_segment_distance(points, *(layouts.ends[:, slot, end][:, None, None] for end in (0, 1)))
+        distance = layout.point_segment_distance(points, *np.moveaxis(layouts.ends[:, slot, None, None], 3, 0))
         reach = (layouts.radius[:, slot] + margin[:, slot])[:, None]  # NaN without a margin: never broken
         broken |= has_neighbour[:, slot, None] & (distance.min(-1) < reach)
     return ~broken
@@ -366,9 +328,7 @@ def arm(rng: np.random.Generator, images: Images, reach_m: float) -> Images:
     return corrupted
 
 
-CORRUPTIONS: dict[str, Callable[[np.random.Generator, Images, float], Images]] = {
-    f.__name__: f for f in (shade, tint, blur, noise, arm)
-}
+CORRUPTIONS = {f.__name__: f for f in (shade, tint, blur, noise, arm)}
 
 
 def _to_uint8(images: Float[Array, "*shape"]) -> UInt8[Array, "*shape"]:
@@ -384,11 +344,11 @@ def add_clutter(
     """
     scenes = []
     for i, scene_rng in enumerate(rng.spawn(len(layouts))):
-        scene = concatenated([layouts[[i]], empty(1, layouts.symbol.shape[1] + count)])[:1]
+        scene = layout.concatenated([layouts[[i]], layout.empty(1, layouts.symbol.shape[1] + count)])[:1]
         for _ in range(count):
-            scene = add_item(scene_rng, scene, int(scene_rng.integers(len(SYMBOLS))), items, pool, rules)
+            scene = layout.add_item(scene_rng, scene, int(scene_rng.integers(len(SYMBOLS))), items, pool, rules)
         scenes.append(scene)
-    return concatenated(scenes)
+    return layout.concatenated(scenes)
 
 
 def flip_labels(rng: np.random.Generator, valid: Bool[Array, "scene n"], share: float) -> Bool[Array, "scene n"]:

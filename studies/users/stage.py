@@ -117,9 +117,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "verdicts.csv", verdicts(clusters, gains | sample_gains))
 
 
-def true_sets(
-    cfg: DictConfig, layouts: Layouts, z_theta: Float[Array, "*scene path 2"]
-) -> Bool[Array, "user scene path"]:
+def true_sets(cfg: DictConfig, layouts: Layouts, z_theta: Float[Array, "*b path 2"]) -> Bool[Array, "user scene path"]:
     """Return which paths are truly valid to each user; without a dimension for scenes, the same paths in each."""
     paths = np.broadcast_to(z_theta, (len(layouts), *z_theta.shape[-2:]))
     return np.stack([valid(layouts, paths, margins) for margins in cfg.users.values()])
@@ -191,15 +189,12 @@ def by_path(variant: str, user: str, columns: Mapping[str, Float[Array, " path"]
 
 
 def cluster_tables(
-    cfg: DictConfig,
-    demos: pd.DataFrame,
-    training: Bool[Array, "user seed scene cell"],
-    prior: Float[Array, "user cell"],
+    cfg: DictConfig, demos: pd.DataFrame, training: Sets, prior: Float[Array, "user path"]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return a row per measure, with its 95 % interval over seeds and p, and the valid paths of the first seed.
 
-    prior: validity averaged over scenes. The last two rows are a perfect clusterer's: of z_theta alone, and of z_theta
-    with the table known.
+    training: validity of z_theta on a lattice; prior: its mean over scenes. The last two rows are those of a perfect
+    clusterer: of z_theta alone, and of z_theta with the table known.
     """
     study, users, by_seed, shown = cfg.studies.users, list(cfg.users), [], []
     for seed in cfg.protocol.seeds:
@@ -209,10 +204,8 @@ def cluster_tables(
         z_theta, scene = own[["z_x", "z_y"]].to_numpy(), own["scene"].to_numpy()
         number = pd.Categorical(own["user"], users).codes.astype(int)
         by_user = measures(z_theta, scene, number, study.neighbours, rng, study.permutations)
-        labels = [
-            nearest_label(*demo_arrays(demos, seed, u, cfg.demos.per_scene), rng, study.permutations)
-            for u in cfg.evaluate.users
-        ]
+        arrays = [demo_arrays(demos, seed, user, cfg.demos.per_scene) for user in cfg.evaluate.users]
+        labels = [nearest_label(*of_user, rng, study.permutations) for of_user in arrays]
         by_seed.append(np.column_stack([by_user, np.mean(labels, axis=0)]))
         shown.append(own[["user", "z_x", "z_y"]])
     values = np.stack(by_seed)  # (seed, draw, measure)
