@@ -15,7 +15,8 @@ from pipeline.world.bezier import Z_HIGH, Z_LOW
 from pipeline.world.layout import SIDE
 
 Array = np.ndarray
-Images, Pixels = UInt8[Array, "scene 100 100 3"], Float[Tensor, "scene 3 100 100"]  # [0, 255], [0, 1]
+Images = UInt8[Array, "scene 100 100 3"]  # [0, 255]
+Pixels = Float[Tensor, "scene 3 100 100"]  # [0, 1]
 Paths = Float[Tensor, "scene path 2"]  # control points [m]
 LogOdds = Float[Tensor, "scene path"]
 Z_RANGE_M = -1.5, 2.5  # of a control point [m]: it bends a path up to half a metre beyond the table, as hands may go

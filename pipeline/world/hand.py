@@ -55,7 +55,7 @@ def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -
 
 def _tremor(rng: np.random.Generator, t: Float[Array, " sample"], axes: int, hand: Hand) -> Float[Array, "sample axis"]:
     """Draw the tremor [m]: a sum of six sinusoids in the band with random frequencies, phases and weights."""
-    frequency = rng.uniform(*hand.tremor_hz, (6, axes))
+    frequency = rng.uniform(hand.tremor_hz[0], hand.tremor_hz[1], (6, axes))
     phase = rng.uniform(0.0, 2 * np.pi, (6, axes))
     weight = rng.standard_normal((6, axes)) / np.sqrt(3)  # a sinusoid's mean square is 1/2
     waves = np.sin(2 * np.pi * frequency * t[:, None, None] + phase)  # (sample, wave, axis)

@@ -15,8 +15,9 @@ from pipeline.models.base import LogOdds, Paths
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.runtime.settings import Group, Size, Weight
 
-Pictures, Labels = Float[Tensor, "scene 3 row column"], Bool[Tensor, "scene path"] | Float[Tensor, "scene path"]
-Codes, Share = Float[Tensor, "scene latent"], Float[Tensor, " path"] | None
+Pictures, Codes = Float[Tensor, "scene 3 row column"], Float[Tensor, "scene latent"]
+Labels = Bool[Tensor, "scene path"] | Float[Tensor, "scene path"]
+Share = Float[Tensor, " path"] | None
 
 
 class Weights(Group):
