@@ -73,7 +73,7 @@ def normal(name: str) -> str:
 
 
 def is_printable(name: str) -> bool:
-    """Return whether a name has no control characters; joiners, as in Persian and emoji, and marks of direction are none."""
+    """Return whether a name has no control characters; joiners (Persian, emoji) and marks of direction are none."""
     joining = {c for c in name if unicodedata.category(c) == "Cf" and unicodedata.bidirectional(c) in ("BN", "L", "R")}
     return "".join(c for c in name if c not in joining).isprintable()
 
