@@ -1,11 +1,16 @@
 """The library's front door: README's example, what it promises, and what it refuses."""
 
+import pickle
 import subprocess
 import sys
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.stats import t as student
 from scipy.stats import ttest_1samp
 
@@ -60,6 +65,87 @@ def test_the_example_of_the_readme(example, tmp_path, monkeypatch):
     pipeline.save(model, tmp_path / "model.safetensors")
     again = pipeline.load(tmp_path / "model.safetensors")
     assert np.array_equal(again.probability(images, z_theta), p)
+
+
+@contextmanager
+def threads(count: int):
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    yield
+    torch.set_num_threads(before)
+
+
+@contextmanager
+def set_by(setter, value, before):
+    setter(value)
+    yield
+    setter(before)
+
+
+SURROUNDINGS = {  # of a caller
+    "no_grad": torch.no_grad,
+    "inference": torch.inference_mode,
+    "autocast": lambda: torch.autocast("cpu", dtype=torch.bfloat16),
+    "float64": lambda: set_by(torch.set_default_dtype, torch.float64, torch.float32),
+    "bfloat16": lambda: set_by(torch.set_default_dtype, torch.bfloat16, torch.float32),
+    "meta": lambda: torch.device("meta"),
+    "default device": lambda: set_by(torch.set_default_device, "meta", None),
+    "three threads": lambda: threads(3),
+    "precision": lambda: set_by(torch.set_float32_matmul_precision, "medium", "highest"),
+    "errors": lambda: np.errstate(all="raise"),
+    "deterministic": lambda: set_by(torch.use_deterministic_algorithms, True, False),
+}
+
+
+def state() -> tuple:
+    """What a caller can see of torch and NumPy."""
+    modes = torch.is_grad_enabled(), torch.is_inference_mode_enabled(), torch.is_autocast_enabled("cpu")
+    numbers = torch.get_default_dtype(), str(torch.get_default_device()), torch.get_float32_matmul_precision()
+    random = torch.default_generator.get_state().numpy().tobytes(), pickle.dumps(np.random.get_state())  # noqa: NPY002
+    return *modes, *numbers, *random, torch.get_num_threads(), str(np.geterr())
+
+
+def all_results(images, images_without, z_theta, valid, variant: str, folder: Path) -> list:
+    model = pipeline.fit(images, z_theta, valid, variant=variant)
+    pipeline.save(model, folder / "model.safetensors")
+    again = pipeline.load(folder / "model.safetensors")
+    repaired = pipeline.repair(again, images, z_theta)
+    effect = pipeline.effect(model, images_without, images, z_theta)
+    return [(folder / "model.safetensors").read_bytes(), repaired.tobytes(), effect]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ["clearance", "irl_ranked", "full"])
+def test_the_callers_torch_changes_no_result_and_stays_as_it_was(example, variant, tmp_path, monkeypatch):
+    for stage, steps in (("clearance", 3), ("train", 3), ("irl", {"maxent": 3, "ranked": 3})):
+        monkeypatch.setitem(library.TRAINING[stage], "steps", steps)
+    monkeypatch.setitem(library.TRAINING["irl"], "n_augmentations", 2)
+    data = [array[:4] for array in example]
+    expected = all_results(*data, variant, tmp_path)
+
+    @settings(max_examples=12, deadline=None, database=None)
+    @given(st.lists(st.sampled_from(list(SURROUNDINGS)), unique=True, min_size=1), st.integers(0, 99))
+    def draw(names: list[str], seed: int):
+        torch.manual_seed(seed)
+        with ExitStack() as around:
+            for name in names:
+                around.enter_context(SURROUNDINGS[name]())
+            before = state()
+            assert all_results(*data, variant, tmp_path) == expected
+            assert state() == before
+
+    draw()
+
+
+def test_a_fit_has_one_thread_and_shows_its_progress_on_request(example, monkeypatch, capfd):
+    monkeypatch.setitem(library.TRAINING["clearance"], "steps", 3)
+    counts, keep = [], library._Bar.keep
+    monkeypatch.setattr(library._Bar, "keep", lambda *a: (counts.append(torch.get_num_threads()), keep(*a)))
+    images, _, z_theta, valid = (array[:4] for array in example)
+    pipeline.fit(images, z_theta, valid)
+    assert set(counts) == {1} and not capfd.readouterr().err
+    pipeline.fit(images, z_theta, valid, progress=True)
+    assert "3/3" in capfd.readouterr().err
 
 
 def test_one_model_is_a_t_test_over_scenes_corrected_for_skewness(example, monkeypatch):

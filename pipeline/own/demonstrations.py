@@ -10,7 +10,10 @@ from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings, 
 
 ENDS_WITHIN_M = 0.05  # largest distance of a path's ends from start and goal [m]; a hand that is not in a hurry
 MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge, on a table of 1 m
-MIN_SAMPLES = 3  # rows of a demonstration
+MIN_SAMPLES = 5  # rows of a demonstration: between its ends, two determine a parabola and one says how well
+MAX_SPEED_M_S, TREMBLE_M = 5.0, 0.03  # of a hand; shorter steps may be noise or a clock of coarse steps
+SPIKE_M = 0.1  # steps there and back of this length, with a turn of more than 120 degrees, are no hand's
+FROZEN_ROWS, AWAKENING_M = 3, 0.05  # as many equal places away from both ends, then a step of this length
 MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
 
@@ -63,6 +66,41 @@ def check_paths(samples: pd.DataFrame, settings: Settings, faults: Faults) -> No
         unit = f"positions are in metres, and {SETTINGS} sets the {end}"
         far = f"demonstration ({{name}}) {place}: expected at most {ENDS_WITHIN_M:g} m; {unit}"
         faults.rows(file, rows[rows["away"] > ENDS_WITHIN_M], far)
+    _check_motion(samples, settings, faults)
     off = ((samples[["x", "y"]] - side / 2).abs() > (0.5 + MAX_BEYOND_M) * side).any(axis=1)
     far = f"the path is at ({{x:g}}, {{y:g}}) m, far off the table: expected metres from 0 to {side:g}"
     faults.rows(file, samples[off], far)
+
+
+def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
+    """Add faults of paths that no hand makes: lost and frozen trackers, several recordings under one name."""
+    file, groups = DEMONSTRATIONS, samples.groupby(KEY, sort=False)
+    steps = groups[["t", "x", "y"]].diff()
+    samples = samples.assign(step=np.hypot(steps["x"], steps["y"]), seconds=steps["t"])
+    fast = (samples["step"] > TREMBLE_M) & (samples["step"] > MAX_SPEED_M_S * samples["seconds"])
+    still = samples["step"] == 0
+    moving = samples[~still].copy()  # a lost tracker repeats a place
+    ahead = moving.groupby(KEY, sort=False)[["x", "y"]].diff(-1).mul(-1)
+    before = steps.loc[moving.index, ["x", "y"]]
+    lengths = np.hypot(before["x"], before["y"]), np.hypot(ahead["x"], ahead["y"])
+    turn = (before * ahead).sum(axis=1, min_count=2) / np.where(lengths[0] * lengths[1] > 0, lengths[0] * lengths[1], 1)
+    spike = moving[(turn < -0.5) & (np.minimum(*lengths) > SPIKE_M)].index
+    jumps = samples[fast | samples.index.isin(spike)]
+    jump = "demonstration ({name}) jumps by {step:.2g} m in {seconds:g} s to ({x:.3g}, {y:.3g})"
+    faults.rows(
+        file, jumps, f"{jump}: no hand does; remove samples that were lost, and name each recording differently"
+    )
+    near = {
+        end: np.hypot(samples["x"] - place[0], samples["y"] - place[1]) <= ENDS_WITHIN_M
+        for end, place in (("start", settings.start), ("goal", settings.goal))
+    }
+    by_name = samples["name"]
+    run = (~still).groupby(by_name, sort=False).cumsum()
+    same = samples.assign(run=run, after=groups[["x"]].shift(-1)["x"]).groupby([by_name, "run"], sort=False)
+    size, last = same["x"].transform("size"), samples["step"].groupby(by_name, sort=False).shift(-1)
+    frozen = (size >= FROZEN_ROWS) & (last > AWAKENING_M) & ~near["start"] & ~near["goal"]
+    stops = "demonstration ({name}) stands still for {rows} rows and then jumps"
+    faults.rows(file, samples.assign(rows=size)[frozen], f"{stops}: remove the rows of a frozen tracker")
+    arrived = near["goal"].groupby(by_name, sort=False).cummax()
+    again = "demonstration ({name}) is back at the start after it was at the goal"
+    faults.rows(file, samples[arrived & near["start"]], f"{again}: give each recording a name of its own")
