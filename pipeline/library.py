@@ -5,14 +5,14 @@ Results do not depend on the caller's torch, and leave it as it was (`undisturbe
 """
 
 import json
+import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from threading import RLock
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import torch
 from numpy import ndarray as Array
@@ -61,40 +61,37 @@ INFORMATIVE_SCENES, INFORMATIVE_CHANGE = 20, 0.01  # see `effect`
 ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 to 1
 
 
-_one_at_a_time = RLock()  # random state, default dtype and threads belong to the whole process
+_lock = RLock()  # the state below belongs to the whole process: fits in several threads would mix theirs
+os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 _pools = ThreadpoolController()  # of BLAS, looked up once: it takes 20 ms
+STATE: tuple[tuple[Callable[[], Any], Callable[[Any], object], Any], ...] = (  # how to get it, to set it, and to what
+    (torch.get_default_dtype, torch.set_default_dtype, torch.float32),
+    (torch.get_num_threads, torch.set_num_threads, 1),  # more are slower here, and change the order of sums
+    (torch.get_float32_matmul_precision, torch.set_float32_matmul_precision, "highest"),
+)
 
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Give torch, NumPy and OpenCV the state of a fresh process with one thread; then restore the caller's.
+    """Give torch and NumPy the state of a fresh process with one thread; then restore the caller's.
 
-    Covers gradient and inference mode, autocast, default dtype and device, precision, random state, threads, and
-    NumPy's errors.
+    Covers gradient and inference mode, autocast, default dtype and device, random state, and errors that NumPy raises.
     """
+    elsewhere = torch.get_default_device().type != "cpu"  # a device's context makes a fit a third slower
     with (
-        _one_at_a_time,
-        torch.device("cpu"),
+        _lock,
+        torch.device("cpu") if elsewhere else nullcontext(),
         torch.inference_mode(False),  # turns gradients on, too
         torch.autocast("cpu", enabled=False),
-        torch.autocast("cuda", enabled=False),
         torch.random.fork_rng(range(torch.cuda.device_count()) if torch.cuda.is_initialized() else []),
         np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"),
         _pools.limit(limits=1),
+        ExitStack() as caller,
     ):
-        before = torch.get_default_dtype(), torch.get_num_threads(), cv2.getNumThreads()
-        precision = torch.get_float32_matmul_precision()
-        try:
-            torch.set_default_dtype(torch.float32)
-            torch.set_num_threads(1)  # more are slower here, and change the order of sums
-            cv2.setNumThreads(1)
-            torch.set_float32_matmul_precision("highest")
-            yield
-        finally:
-            torch.set_default_dtype(before[0])
-            torch.set_num_threads(before[1])
-            cv2.setNumThreads(before[2])
-            torch.set_float32_matmul_precision(precision)
+        for get, put, value in STATE:
+            caller.callback(put, get())
+            put(value)
+        yield
 
 
 class _Bar(Checkpoints):

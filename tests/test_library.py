@@ -3,7 +3,9 @@
 import pickle
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -68,18 +70,12 @@ def test_the_example_of_the_readme(example, tmp_path, monkeypatch):
 
 
 @contextmanager
-def threads(count: int):
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    yield
-    torch.set_num_threads(before)
-
-
-@contextmanager
 def set_by(setter, value, before):
     setter(value)
-    yield
-    setter(before)
+    try:
+        yield
+    finally:
+        setter(before)
 
 
 SURROUNDINGS = {  # of a caller
@@ -88,12 +84,11 @@ SURROUNDINGS = {  # of a caller
     "autocast": lambda: torch.autocast("cpu", dtype=torch.bfloat16),
     "float64": lambda: set_by(torch.set_default_dtype, torch.float64, torch.float32),
     "bfloat16": lambda: set_by(torch.set_default_dtype, torch.bfloat16, torch.float32),
-    "meta": lambda: torch.device("meta"),
+    "device": lambda: torch.device("meta"),
     "default device": lambda: set_by(torch.set_default_device, "meta", None),
-    "three threads": lambda: threads(3),
+    "threads": lambda: set_by(torch.set_num_threads, 3, torch.get_num_threads()),
     "precision": lambda: set_by(torch.set_float32_matmul_precision, "medium", "highest"),
     "errors": lambda: np.errstate(all="raise"),
-    "deterministic": lambda: set_by(torch.use_deterministic_algorithms, True, False),
 }
 
 
@@ -105,7 +100,18 @@ def state() -> tuple:
     return *modes, *numbers, *random, torch.get_num_threads(), str(np.geterr())
 
 
-def all_results(images, images_without, z_theta, valid, variant: str, folder: Path) -> list:
+@pytest.fixture
+def few(example, monkeypatch):
+    """Two scenes, and fits of three steps."""
+    for stage, steps in (("clearance", 3), ("train", 3), ("irl", {"maxent": 3, "ranked": 3})):
+        monkeypatch.setitem(library.TRAINING[stage], "steps", steps)
+    monkeypatch.setitem(library.TRAINING["irl"], "n_augmentations", 2)
+    return [array[:2] for array in example]
+
+
+def all_results(data, variant: str, folder: Path) -> list:
+    """What every public function makes of images with and without the item, paths and labels."""
+    images, images_without, z_theta, valid = data
     model = pipeline.fit(images, z_theta, valid, variant=variant)
     pipeline.save(model, folder / "model.safetensors")
     again = pipeline.load(folder / "model.safetensors")
@@ -114,34 +120,53 @@ def all_results(images, images_without, z_theta, valid, variant: str, folder: Pa
     return [(folder / "model.safetensors").read_bytes(), repaired.tobytes(), effect]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("variant", ["clearance", "irl_ranked", "full"])
-def test_the_callers_torch_changes_no_result_and_stays_as_it_was(example, variant, tmp_path, monkeypatch):
-    for stage, steps in (("clearance", 3), ("train", 3), ("irl", {"maxent": 3, "ranked": 3})):
-        monkeypatch.setitem(library.TRAINING[stage], "steps", steps)
-    monkeypatch.setitem(library.TRAINING["irl"], "n_augmentations", 2)
-    data = [array[:4] for array in example]
-    expected = all_results(*data, variant, tmp_path)
+def assert_undisturbed(names, seed: int, expected: list, *arguments) -> None:
+    """All results under these surroundings are the expected ones, and the surroundings stay."""
+    torch.manual_seed(seed)
+    with ExitStack() as around:
+        for name in names:
+            around.enter_context(SURROUNDINGS[name]())
+        before = state()
+        assert all_results(*arguments) == expected
+        assert state() == before
 
-    @settings(max_examples=12, deadline=None, database=None)
+
+def test_the_callers_torch_changes_no_result_and_stays_as_it_was(few, tmp_path):
+    expected = all_results(few, "clearance", tmp_path)
+
+    @settings(max_examples=8, deadline=None, database=None)
     @given(st.lists(st.sampled_from(list(SURROUNDINGS)), unique=True, min_size=1), st.integers(0, 99))
     def draw(names: list[str], seed: int):
-        torch.manual_seed(seed)
-        with ExitStack() as around:
-            for name in names:
-                around.enter_context(SURROUNDINGS[name]())
-            before = state()
-            assert all_results(*data, variant, tmp_path) == expected
-            assert state() == before
+        assert_undisturbed(names, seed, expected, few, "clearance", tmp_path)
 
     draw()
 
 
-def test_a_fit_has_one_thread_and_shows_its_progress_on_request(example, monkeypatch, capfd):
-    monkeypatch.setitem(library.TRAINING["clearance"], "steps", 3)
+@pytest.mark.parametrize("variant", ["irl_ranked", "full"])
+def test_nor_do_all_surroundings_at_once_whatever_the_variant(few, variant: str, tmp_path):
+    expected = all_results(few, variant, tmp_path)
+    assert_undisturbed(SURROUNDINGS, 1, expected, few, variant, tmp_path)
+
+
+def weights(data, variant: str = "irl_ranked") -> list[bytes]:
+    images, _, z_theta, valid = data
+    return [w.numpy().tobytes() for w in pipeline.fit(images, z_theta, valid, variant=variant).state_dict().values()]
+
+
+def test_fits_in_threads_do_not_mix_and_a_process_forked_meanwhile_does_not_wait_for_ever(few):
+    expected, before = weights(few), state()
+    with ThreadPoolExecutor(4) as pool:
+        fits = [pool.submit(weights, few) for _ in range(4)]
+        with get_context("fork").Pool(1) as child:
+            assert child.apply_async(weights, [few]).get(timeout=60) == expected
+        assert [fit.result() for fit in fits] == [expected] * 4
+    assert state() == before
+
+
+def test_a_fit_has_one_thread_and_shows_its_progress_on_request(few, monkeypatch, capfd):
     counts, keep = [], library._Bar.keep
     monkeypatch.setattr(library._Bar, "keep", lambda *a: (counts.append(torch.get_num_threads()), keep(*a)))
-    images, _, z_theta, valid = (array[:4] for array in example)
+    images, _, z_theta, valid = few
     pipeline.fit(images, z_theta, valid)
     assert set(counts) == {1} and not capfd.readouterr().err
     pipeline.fit(images, z_theta, valid, progress=True)
