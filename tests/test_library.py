@@ -148,6 +148,17 @@ def test_nor_do_all_surroundings_at_once_whatever_the_variant(few, variant: str,
     assert_undisturbed(SURROUNDINGS, 1, expected, few, variant, tmp_path)
 
 
+@pytest.mark.parametrize("variant", library.SETTINGS)
+def test_a_models_probability_does_not_depend_on_the_callers_torch(few, variant: str):
+    images, _, z_theta, valid = few
+    model = pipeline.fit(images, z_theta, valid, variant=variant)
+    expected = model.probability(images, z_theta)
+    for name in SURROUNDINGS:
+        with SURROUNDINGS[name]():
+            p = model.probability(images, z_theta)
+        np.testing.assert_allclose(p, expected, atol=1e-6, err_msg=name)  # threads change the order of sums
+
+
 def weights(data, variant: str = "irl_ranked") -> list[bytes]:
     images, _, z_theta, valid = data
     return [w.numpy().tobytes() for w in pipeline.fit(images, z_theta, valid, variant=variant).state_dict().values()]
