@@ -10,10 +10,10 @@ from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings, 
 
 ENDS_WITHIN_M = 0.05  # largest distance of a path's ends from start and goal [m]; a hand that is not in a hurry
 MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge, on a table of 1 m
-MIN_SAMPLES = 5  # rows of a demonstration: between its ends, two determine a parabola and one says how well
-MAX_SPEED_M_S, TREMBLE_M = 5.0, 0.03  # of a hand; shorter steps may be noise or a clock of coarse steps
-SPIKE_M = 0.1  # steps there and back of this length, with a turn of more than 120 degrees, are no hand's
-FROZEN_ROWS, AWAKENING_M = 3, 0.05  # as many equal places away from both ends, then a step of this length
+MIN_SAMPLES = 4  # rows of a demonstration: its ends, and two that determine a parabola if they lie well apart
+MAX_SPEED_M_S = 9.0  # of a hand: an Olympic boxer's punch (Walilko et al., 2005); of a drawing, on a table of 1 m
+CLOCK_S = 0.01  # what a step's times may be off by
+FROZEN_ROWS, CATCH_UP_M = 3, 0.05  # as many equal places, then a step of this length, twice any other
 MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
 
@@ -74,33 +74,27 @@ def check_paths(samples: pd.DataFrame, settings: Settings, faults: Faults) -> No
 
 def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
     """Add faults of paths that no hand makes: lost and frozen trackers, several recordings under one name."""
-    file, groups = DEMONSTRATIONS, samples.groupby(KEY, sort=False)
-    steps = groups[["t", "x", "y"]].diff()
-    samples = samples.assign(step=np.hypot(steps["x"], steps["y"]), seconds=steps["t"])
-    fast = (samples["step"] > TREMBLE_M) & (samples["step"] > MAX_SPEED_M_S * samples["seconds"])
-    still = samples["step"] == 0
-    moving = samples[~still].copy()  # a lost tracker repeats a place
-    ahead = moving.groupby(KEY, sort=False)[["x", "y"]].diff(-1).mul(-1)
-    before = steps.loc[moving.index, ["x", "y"]]
-    lengths = np.hypot(before["x"], before["y"]), np.hypot(ahead["x"], ahead["y"])
-    turn = (before * ahead).sum(axis=1, min_count=2) / np.where(lengths[0] * lengths[1] > 0, lengths[0] * lengths[1], 1)
-    spike = moving[(turn < -0.5) & (np.minimum(*lengths) > SPIKE_M)].index
-    jumps = samples[fast | samples.index.isin(spike)]
-    jump = "demonstration ({name}) jumps by {step:.2g} m in {seconds:g} s to ({x:.3g}, {y:.3g})"
-    faults.rows(
-        file, jumps, f"{jump}: no hand does; remove samples that were lost, and name each recording differently"
+    steps, name = samples.groupby(KEY, sort=False)[["t", "x", "y"]].diff(), samples["name"]
+    step, seconds = np.hypot(steps["x"], steps["y"]), steps["t"]
+    places = (step != 0).cumsum()  # numbers the runs of equal places; a demonstration begins a new one
+    held = places.groupby(places).transform("size").shift().where(step.notna(), 0)  # rows at the place before
+    usual = step.where(held < FROZEN_ROWS).groupby(name).transform("max")
+    apart = np.hypot(*(settings.goal - settings.start))
+    at_start, at_goal = (
+        np.hypot(samples["x"] - x, samples["y"] - y) < min(ENDS_WITHIN_M, apart / 3)
+        for x, y in (settings.start, settings.goal)
     )
-    near = {
-        end: np.hypot(samples["x"] - place[0], samples["y"] - place[1]) <= ENDS_WITHIN_M
-        for end, place in (("start", settings.start), ("goal", settings.goal))
+    samples = samples.assign(step=step, seconds=seconds, held=held)
+    wrong = {
+        "jumps by {step:.2g} m in {seconds:g} s: remove samples that were lost, and name each recording differently": (
+            (seconds >= 0) & (step > MAX_SPEED_M_S * max(settings.side_m, 1) * (seconds + CLOCK_S))
+        ),
+        "stands still for {held:g} rows and then jumps by {step:.2g} m: remove the rows of a frozen tracker": (
+            (held >= FROZEN_ROWS) & (step > np.maximum(CATCH_UP_M * settings.side_m, 2 * usual))
+        ),
+        "is back at the start after it was at the goal: give each recording a name of its own": (
+            at_start & at_goal.groupby(name).cummax()
+        ),
     }
-    by_name = samples["name"]
-    run = (~still).groupby(by_name, sort=False).cumsum()
-    same = samples.assign(run=run, after=groups[["x"]].shift(-1)["x"]).groupby([by_name, "run"], sort=False)
-    size, last = same["x"].transform("size"), samples["step"].groupby(by_name, sort=False).shift(-1)
-    frozen = (size >= FROZEN_ROWS) & (last > AWAKENING_M) & ~near["start"] & ~near["goal"]
-    stops = "demonstration ({name}) stands still for {rows} rows and then jumps"
-    faults.rows(file, samples.assign(rows=size)[frozen], f"{stops}: remove the rows of a frozen tracker")
-    arrived = near["goal"].groupby(by_name, sort=False).cummax()
-    again = "demonstration ({name}) is back at the start after it was at the goal"
-    faults.rows(file, samples[arrived & near["start"]], f"{again}: give each recording a name of its own")
+    for sentence, rows in wrong.items():
+        faults.rows(DEMONSTRATIONS, samples[rows], f"demonstration ({{name}}) {sentence}")

@@ -38,8 +38,8 @@ ENDINGS = (".jpg", ".jpeg", ".png")
 MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
 SQUARE_WITHIN = 0.02  # a picture of just the table is square within this share
 END_OF_JPEG, END_OF_PNG = b"\xff\xd9", b"IEND"
-DEPTHS = 8, 10, 12, 14, 16  # bits of a camera's channels
-_one_decoder = Lock()
+DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
+_one_decoder = Lock()  # as it takes descriptor 2
 SCAN = 0xDA  # the JPEG segment after which the pixels follow
 
 KNOWN = ("side_m", "corners", "rectified", "start", "goal")
@@ -208,7 +208,7 @@ def _decoded(path: Path, name: str, flag: int) -> Array:
     if width * height > MAX_PIXELS:
         most = f"{MAX_PIXELS // 1_000_000} megapixels"
         raise InputError(f"{name} has {width} x {height} pixels: expected at most {most}; scale it down")
-    content, pixels, warning = path.read_bytes(), None, ""
+    content, pixels, damage = path.read_bytes(), None, None
     if _is_whole(content):
         with _one_decoder, TemporaryFile() as said:  # libjpeg and libpng write their warnings to descriptor 2
             before = os.dup(2)
@@ -219,13 +219,13 @@ def _decoded(path: Path, name: str, flag: int) -> Array:
                 os.dup2(before, 2)
                 os.close(before)
             said.seek(0)
-            warning = said.read().decode("ascii", "replace").partition("\n")[0]
-    if pixels is None or warning:
-        why = f" ({warning})" if warning else ""
+            damage = DAMAGE.search(said.read().decode("ascii", "replace"))
+    if pixels is None or damage:
+        why = f" ({damage[0]})" if damage else ""
         raise InputError(f"{name} is truncated or damaged{why}: expected a whole PNG or JPEG picture; copy it again")
     if pixels.dtype == np.uint8:
         return pixels
-    full = next(2**bits - 1 for bits in DEPTHS if pixels.max() < 2**bits)  # 12 bits, say, in a file of 16
+    full = 4095 if pixels.max() <= 4095 else 65535  # of 16 bits, nothing would be brighter than 6 %
     return np.rint(pixels * (255 / full)).astype(np.uint8)
 
 
