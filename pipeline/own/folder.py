@@ -22,7 +22,7 @@ from pipeline.world.bezier_fit import fit
 from pipeline.world.layout import SIDE, point_segment_distance
 
 POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a parabola that misses the hand by more is a poor fit
-MAX_NOISE_GAIN = 5.0  # of a fit; 12 samples evenly along a path have 0.4, folded paths at 10 Hz up to 4
+MAX_NOISE_GAIN = 2.0  # of a fit; demonstrations of 12 samples evenly along a path have some 0.4
 FOOT_POINTS, WEAKEST = 257, 1e-6  # on a path; information of a control point that no sample determines
 NEAR_M = 0.01  # an item's centre may lie this far outside a detected outline [m of the model]
 
@@ -181,11 +181,11 @@ def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> p
 
 
 def noise_gain(points: Float[Array, "sample 2"], z_theta: Float[Array, "2"]) -> float:
-    """Return a fitted path's standard deviation, root mean square along it, per unit of noise in each sample.
+    """Return a fitted path's standard deviation, the median along it, per unit of noise in each sample.
 
     The control point's information is the sum over samples of e e^T, with e = 2 u (1 - u) n the change of the
     orthogonal distance at the fitted parameter u. The gain counts changes across the path alone: the control point of a
-    straight one may slide along it.
+    straight one may slide along it. The median leaves out the tip of a folded path, where no hand is precise.
     """
     u = np.linspace(0, 1, FOOT_POINTS)[:, None]
     along = (1 - u) * (z_theta - P_INIT) + u * (P_F - z_theta)
@@ -193,7 +193,7 @@ def noise_gain(points: Float[Array, "sample 2"], z_theta: Float[Array, "2"]) -> 
     change = 2 * u * (1 - u) * across  # e (u, 2)
     at_samples = change[KDTree(curve(z_theta, FOOT_POINTS)).query(points)[1]]
     covariance = np.linalg.inv(at_samples.T @ at_samples + WEAKEST * np.eye(2))
-    return float(np.sqrt((change @ covariance * change).sum(1).mean()))
+    return float(np.sqrt(np.median((change @ covariance * change).sum(1))))
 
 
 def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -> Array | None:
