@@ -68,18 +68,19 @@ class ValidityModel(nn.Module, ABC):
     def logit(self, percept: Tensor, z_theta: Paths) -> LogOdds:
         """Return the log-odds that each path [m] is valid; differentiable in `z_theta`."""
 
-    @torch.no_grad()
     def probability(self, images: Images, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path"]:
         """Return P(valid) of each path [m] as float32; switches to `eval()` mode and keeps no gradient.
 
-        Raises InputError unless images are uint8 (scene, 100, 100, 3) and paths are finite metres (scene, path, 2).
+        The caller's autocast and default device do not matter. Raises InputError unless images are uint8
+        (scene, 100, 100, 3) and paths are finite metres (scene, path, 2).
         """
         check_images(images)
         check_paths(z_theta, len(images))
         self.eval()
-        z = torch.as_tensor(np.asarray(z_theta, dtype=np.float32))
         some = [slice(i, i + SCENES_PER_BATCH) for i in range(0, len(images), SCENES_PER_BATCH)]
-        return torch.cat([self.logit(self.perceive(to_tensor(images[s])), z[s]).sigmoid() for s in some]).numpy()
+        with torch.no_grad(), torch.device("cpu"), torch.autocast("cpu", enabled=False):
+            z = torch.as_tensor(np.asarray(z_theta, dtype=np.float32))
+            return torch.cat([self.logit(self.perceive(to_tensor(images[s])), z[s]).sigmoid() for s in some]).numpy()
 
     def reconstruction_over_flat(self, images: Images) -> float:
         """Return the root mean square error of decoded images over that of flat ones; NaN where there is no decoder."""

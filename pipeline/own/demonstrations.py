@@ -10,7 +10,10 @@ from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings, 
 
 ENDS_WITHIN_M = 0.05  # largest distance of a path's ends from start and goal [m]; a hand that is not in a hurry
 MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge, on a table of 1 m
-MIN_SAMPLES = 3  # rows of a demonstration
+MIN_SAMPLES = 4  # rows of a demonstration: its ends, and two that determine a parabola if they lie well apart
+MAX_SPEED_M_S = 9.0  # of a hand: an Olympic boxer's punch (Walilko et al., 2005); of a drawing, on a table of 1 m
+CLOCK_S = 0.01  # what a step's times may be off by
+FROZEN_ROWS, CATCH_UP_M = 3, 0.05  # as many equal places, then a step of this length, twice any other
 MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
 
@@ -63,6 +66,35 @@ def check_paths(samples: pd.DataFrame, settings: Settings, faults: Faults) -> No
         unit = f"positions are in metres, and {SETTINGS} sets the {end}"
         far = f"demonstration ({{name}}) {place}: expected at most {ENDS_WITHIN_M:g} m; {unit}"
         faults.rows(file, rows[rows["away"] > ENDS_WITHIN_M], far)
+    _check_motion(samples, settings, faults)
     off = ((samples[["x", "y"]] - side / 2).abs() > (0.5 + MAX_BEYOND_M) * side).any(axis=1)
     far = f"the path is at ({{x:g}}, {{y:g}}) m, far off the table: expected metres from 0 to {side:g}"
     faults.rows(file, samples[off], far)
+
+
+def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
+    """Add faults of paths that no hand makes: lost and frozen trackers, several recordings under one name."""
+    steps, name = samples.groupby(KEY, sort=False)[["t", "x", "y"]].diff(), samples["name"]
+    step, seconds = np.hypot(steps["x"], steps["y"]), steps["t"]
+    places = (step != 0).cumsum()  # numbers the runs of equal places; a demonstration begins a new one
+    held = places.groupby(places).transform("size").shift().where(step.notna(), 0)  # rows at the place before
+    usual = step.where(held < FROZEN_ROWS).groupby(name).transform("max")
+    apart = np.hypot(*(settings.goal - settings.start))
+    at_start, at_goal = (
+        np.hypot(samples["x"] - x, samples["y"] - y) < min(ENDS_WITHIN_M, apart / 3)
+        for x, y in (settings.start, settings.goal)
+    )
+    samples = samples.assign(step=step, seconds=seconds, held=held)
+    wrong = {
+        "jumps by {step:.2g} m in {seconds:g} s: remove samples that were lost, and name each recording differently": (
+            (seconds >= 0) & (step > MAX_SPEED_M_S * max(settings.side_m, 1) * (seconds + CLOCK_S))
+        ),
+        "stands still for {held:g} rows and then jumps by {step:.2g} m: remove the rows of a frozen tracker": (
+            (held >= FROZEN_ROWS) & (step > np.maximum(CATCH_UP_M * settings.side_m, 2 * usual))
+        ),
+        "is back at the start after it was at the goal: give each recording a name of its own": (
+            at_start & at_goal.groupby(name).cummax()
+        ),
+    }
+    for sentence, rows in wrong.items():
+        faults.rows(DEMONSTRATIONS, samples[rows], f"demonstration ({{name}}) {sentence}")

@@ -1,11 +1,15 @@
 """Read the files that people write: csv row by row, pictures safely, table.yaml; sentences name what is wrong."""
 
 import csv
+import os
+import re
 import unicodedata
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryFile
+from threading import Lock
 from typing import Annotated, Any
 
 import cv2
@@ -34,6 +38,8 @@ ENDINGS = (".jpg", ".jpeg", ".png")
 MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
 SQUARE_WITHIN = 0.02  # a picture of just the table is square within this share
 END_OF_JPEG, END_OF_PNG = b"\xff\xd9", b"IEND"
+DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
+_one_decoder = Lock()  # as it takes descriptor 2
 SCAN = 0xDA  # the JPEG segment after which the pixels follow
 
 KNOWN = ("side_m", "corners", "rectified", "start", "goal")
@@ -62,8 +68,14 @@ class Faults(list[str]):
 
 
 def normal(name: str) -> str:
-    """Return a name without spaces around it and with composed accents, as other computers may decompose them."""
-    return unicodedata.normalize("NFC", name.strip())
+    """Return a name with single, plain spaces and with composed accents, as other computers may decompose them."""
+    return " ".join(unicodedata.normalize("NFC", name).split())
+
+
+def is_printable(name: str) -> bool:
+    """Return whether a name has no control characters; joiners (Persian, emoji) and marks of direction are none."""
+    joining = {c for c in name if unicodedata.category(c) == "Cf" and unicodedata.bidirectional(c) in ("BN", "L", "R")}
+    return "".join(c for c in name if c not in joining).isprintable()
 
 
 def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
@@ -74,10 +86,13 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
-        if text.lower().startswith("sep="):  # a line for Excel alone
-            text = text.partition("\n")[2]
-        separator = max(",;\t", key=text.partition("\n")[0].count)
+        separators = ",;\t"
+        if told := re.match(r'"?sep=(.)"?\r?\n', text, re.IGNORECASE):  # a line for Excel alone
+            text, separators = text[told.end() :], separators + told[1]
+        separator = max(separators, key=text.partition("\n")[0].count)
         header, *rows = list(csv.reader(StringIO(text), delimiter=separator, strict=True)) or [[]]
+        while header and not any(row[len(header) - 1 :][:1] > [""] for row in [header, *rows]):
+            header, rows = header[:-1], [row[: len(header) - 1] + row[len(header) :] for row in rows]  # empty columns
     except UnicodeDecodeError as error:
         raise InputError(f"{path.name} is not UTF-8: save it as “CSV UTF-8”") from error
     except csv.Error as error:
@@ -121,7 +136,7 @@ def read_checked(path: Path, scenes: Collection[str] | None, faults: Faults) -> 
         if column == "valid":
             right, expected = cells.str.lower().isin(["true", "false"]), "true or false"
         elif column in WORDS:
-            printable = cells.map(lambda name: bool(name) and name.isprintable())
+            printable = cells.map(lambda name: bool(name) and is_printable(name))
             right, expected = printable.astype(bool), "a name of letters, digits and signs"
         else:
             numbers = pd.to_numeric(cells, errors="coerce").astype(float)
@@ -145,7 +160,7 @@ def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
     scenes: dict[str, Path] = {}
     for file in listed(path / SCENES, *ENDINGS):
         name = normal(file.stem)
-        if not name.isprintable():
+        if not is_printable(name):
             faults.append(f"{SCENES}/{file.name!r} has characters that cannot be printed: rename it")
         elif name in scenes:
             faults.append(f"{SCENES}/{file.name} and {scenes[name].name} are one scene {name!r}: rename one of them")
@@ -164,9 +179,9 @@ def is_square(width: int, height: int) -> bool:
 def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
     """Return a photograph as RGB, turned upright as its EXIF data says.
 
-    Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or truncated.
+    Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or damaged.
     """
-    return cv2.cvtColor(_decoded(path, name, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    return cv2.cvtColor(_decoded(path, name, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH), cv2.COLOR_BGR2RGB)
 
 
 def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
@@ -175,8 +190,8 @@ def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
     Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
     """
     pixels = _decoded(path, name, cv2.IMREAD_UNCHANGED)
-    if pixels.ndim != 3 or pixels.shape[2] != 4 or pixels.dtype != np.uint8:
-        raise InputError(f"{name} has no transparent background: expected an 8-bit RGBA png; cut the object out")
+    if pixels.ndim != 3 or pixels.shape[2] != 4:
+        raise InputError(f"{name} has no transparent background: expected an RGBA png; cut the object out")
     if (highest := pixels[..., 3].max()) <= MIN_VISIBLE_ALPHA:
         raise InputError(f"{name} has an alpha of at most {highest} of 255: expected 255 where the object is")
     if pixels[..., 3].min() == 255:
@@ -185,7 +200,7 @@ def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
 
 
 def _decoded(path: Path, name: str, flag: int) -> Array:
-    """Return the pixels as OpenCV orders them; their number is checked before they are decoded."""
+    """Return the pixels, 8 bits a channel, as OpenCV orders them; their number is checked before they are decoded."""
     try:
         width, height = image_size(path)
     except InputError as error:
@@ -193,11 +208,25 @@ def _decoded(path: Path, name: str, flag: int) -> Array:
     if width * height > MAX_PIXELS:
         most = f"{MAX_PIXELS // 1_000_000} megapixels"
         raise InputError(f"{name} has {width} x {height} pixels: expected at most {most}; scale it down")
-    content = path.read_bytes()
-    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flag) if _is_whole(content) else None
-    if pixels is None:
-        raise InputError(f"{name} is truncated or damaged: expected a whole PNG or JPEG picture; copy it again")
-    return pixels
+    content, pixels, damage = path.read_bytes(), None, None
+    if _is_whole(content):
+        with _one_decoder, TemporaryFile() as said:  # libjpeg and libpng write their warnings to descriptor 2
+            before = os.dup(2)
+            os.dup2(said.fileno(), 2)
+            try:
+                pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flag)
+            finally:
+                os.dup2(before, 2)
+                os.close(before)
+            said.seek(0)
+            damage = DAMAGE.search(said.read().decode("ascii", "replace"))
+    if pixels is None or damage:
+        why = f" ({damage[0]})" if damage else ""
+        raise InputError(f"{name} is truncated or damaged{why}: expected a whole PNG or JPEG picture; copy it again")
+    if pixels.dtype == np.uint8:
+        return pixels
+    full = 4095 if pixels.max() <= 4095 else 65535  # of 16 bits, nothing would be brighter than 6 %
+    return np.rint(pixels * (255 / full)).astype(np.uint8)
 
 
 def _is_whole(content: bytes) -> bool:
