@@ -59,7 +59,7 @@ data-here: $(READY)
 	  elif [ -d data ] && [ -d rendered/pictures ]; then echo '`dvc checkout --force data.dvc rendered/pictures.dvc` drops your changes'; \
 	  else echo 'store/ never had them: `dvc push $(DATA)` where they are'; fi)" >&2; exit 1; }
 
-test: data-here  ## ruff, pyright, spelling, the test suite; `pytest -n 2 -m "not slow"` takes some 50 s
+test: data-here  ## ruff, pyright, spelling, the test suite; `pytest -n 2 -m "not slow"` takes some 75 s
 	ruff check . && ruff format --check .
 	pyright
 	codespell README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies reports

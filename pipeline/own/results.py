@@ -15,7 +15,7 @@ HEADLINES = ["accuracy", "ci_low", "ci_high", "balanced", "missed", "calibration
 
 @dataclass(frozen=True)
 class Results:
-    """What the page shows and the tables hold."""
+    """Hold what the page shows and the tables are written from."""
 
     folder: Folder
     fitted: dict[str, Fitted]  # by user, in the order of their names
