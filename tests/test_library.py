@@ -1,4 +1,4 @@
-"""The library's front door: README's example, what it promises, and what it refuses."""
+"""The library's front door: the documented example, what it promises, and what it refuses."""
 
 import pickle
 import subprocess
@@ -49,7 +49,7 @@ def example():
 
 
 @pytest.mark.slow
-def test_the_example_of_the_readme(example, tmp_path, monkeypatch):
+def test_the_example_of_docs_library(example, tmp_path, monkeypatch):
     monkeypatch.setitem(library.TRAINING["clearance"], "steps", 250)
     images, images_without, z_theta, valid = example
     model = pipeline.fit(images, z_theta, valid, variant="clearance", seed=0)

@@ -8,8 +8,9 @@ from pipeline.report.page import Site, environment, render_page
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, SOURCES, Results
 from pipeline.report.tables import lookup
 
-PAGES = {"index": "Overview", "claims": "Claims", "accuracy": "Accuracy", "repair": "Repair", "causes": "Causes"}
-PAGES |= {"limits": "Limits", "users": "Users", "card": "Model card", "method": "Method", "history": "History"}
+PAGES = {"index": "Overview", "reproduction": "In one page", "claims": "Claims", "accuracy": "Accuracy"}
+PAGES |= {"repair": "Repair", "causes": "Causes", "limits": "Limits", "users": "Users", "card": "Model card"}
+PAGES |= {"method": "Method", "history": "History"}
 
 
 def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:

@@ -70,6 +70,9 @@ def test_the_autoencoder_claim_is_not_tested_until_it_autoencodes():
     assert verdicts(claims_table(factory.results()))["autoencoder"] == "not tested"
     better = judged("convergence", {"variant": "full"}, {"passed": 1.0})
     assert better["autoencoder"] == "open"  # no difference found is no proof of none
+    gate = factory.tables()["convergence"].assign(passed=1.0)
+    none = judged("comparisons", {"against": "classifier"}, {"verdict": "negligible"}, convergence=gate)
+    assert none["autoencoder"] == "fails"
 
 
 @pytest.mark.parametrize(("claim", "n"), [("irl", 9), ("irl_needs_more", 1)])
@@ -77,6 +80,10 @@ def test_irl_holds_if_every_test_is_won_and_fails_if_every_one_is_lost(claim: st
     assert judged("comparisons", {"n_demos": n}, {"difference": 0.2})[claim] == "holds"
     assert judged("comparisons", {"n_demos": 10 - n}, {"difference": 0.2})[claim] == "fails"
     assert judged("comparisons", {"split": "new_items"}, {"significant": False})[claim] == "open"
+
+
+def test_users_differ_if_every_verdict_is_right_though_counting_shows_it_too():
+    assert judged("interventions", {"variant": "full", "kind": "user"}, {"right": True})["users_differ"] == "holds"
 
 
 def test_causes_fail_if_never_looking_does_as_well_and_hold_if_all_are_right():
