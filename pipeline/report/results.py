@@ -145,11 +145,6 @@ class Results(Data):
         """Return how many cells of Table 2 are as in the paper if none is bold, such as "7 of 12"."""
         return never_bold(self.table("bold"))
 
-    def patterned_accuracy(self, variant: str) -> float:
-        """Return the share of control points that the first seed's models judge rightly, on the patterned top."""
-        maps, truth = self.drawn.patterned_maps[variant], self.drawn.truth
-        return float(np.mean([(maps[user] > 0.5) == truth[user] for user in truth]))
-
     @property
     def largest_difference(self) -> float | None:
         """Return how far a true share of valid paths is from the paper's Table 2 at most; None if it has none."""
