@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.planning.nearest import Z, nearest_valid
@@ -24,7 +24,7 @@ COLUMNS = [
 
 @dataclass(frozen=True)
 class Starts:
-    """One user's invalid paths in some scenes, the same for all seeds and variants."""
+    """Paths in some scenes that one user's repairs start from, the same for all seeds and variants."""
 
     user: str
     margins: Margins
@@ -36,10 +36,11 @@ class Starts:
 
     @classmethod
     def of(
-        cls, user: str, margins: Margins, layouts: Layouts, candidates: Candidates, side: int, refinements: int
-    ) -> "Starts":
-        """Return those candidates [m] that are invalid to the user; side, refinements: of `nearest_valid`."""
-        scene, start = np.nonzero(~valid(layouts, candidates, margins))
+        cls, user: str, margins: Margins, layouts: Layouts, candidates: Candidates, side: int, refinements: int,
+        chosen: Bool[Array, "scene candidate"] | None = None,
+    ) -> "Starts":  # fmt: skip
+        """Return the chosen candidates [m], or those invalid to the user; side, refinements: of `nearest_valid`."""
+        scene, start = np.nonzero(~valid(layouts, candidates, margins) if chosen is None else chosen)
         nearest = nearest_valid(layouts, candidates, margins, side, refinements)[scene, start]
         return cls(user, margins, layouts, scene, start, candidates[scene, start], nearest)
 
@@ -74,7 +75,8 @@ def measures(repairs: pd.DataFrame) -> pd.DataFrame:
     seeds, starts (per seed);
     success: share of repaired paths that are truly valid, with quartiles over seeds and a 95 % interval over seeds
     crossed with scenes (NaN for a single scene);
-    displacement_ratio: sum of displacements over the sum of displacements to the nearest valid paths;
+    displacement_ratio: sum of displacements over the sum of displacements to the nearest valid paths (NaN if all are
+    valid);
     accepted: share of repaired paths with p > .5; unsafe: share of all starts accepted although truly invalid.
     The last two are NaN for baselines, which have no model.
     """
@@ -83,7 +85,7 @@ def measures(repairs: pd.DataFrame) -> pd.DataFrame:
         accepted = rows["accepted"].to_numpy(dtype=float, na_value=np.nan)
         by_seed = rows.groupby("seed")["valid_end"].agg(["mean", "size"])
         success = quartiles(by_seed["mean"].to_numpy())
-        ratio_to_nearest = float(rows["displacement_m"].sum() / rows["oracle_displacement_m"].sum())
+        moved, least = (float(rows[name].sum()) for name in ("displacement_m", "oracle_displacement_m"))
         unsafe = float((accepted * ~rows["valid_end"].to_numpy(dtype=bool)).mean())
         sums = rows.groupby(["seed", "scene"])["valid_end"].agg(["sum", "size"])
         successes, starts = (sums[name].unstack().to_numpy(dtype=float)[None] for name in ("sum", "size"))
@@ -93,6 +95,6 @@ def measures(repairs: pd.DataFrame) -> pd.DataFrame:
             low, high = (float(end[0].clip(0, 1)) for end in (interval.ci_low, interval.ci_high))
         measured.append((
             *group, len(by_seed), int(by_seed["size"].iloc[0]), success["mean"], success["q1"], success["q3"],
-            low, high, ratio_to_nearest, float(accepted.mean()), unsafe,
+            low, high, moved / least if least else np.nan, float(accepted.mean()), unsafe,
         ))  # fmt: skip
     return pd.DataFrame(measured, columns=COLUMNS)

@@ -197,6 +197,12 @@ def success(results: Results) -> pd.DataFrame:
     return pd.concat([rows, pd.DataFrame(paper * ("full" in results.variants))], ignore_index=True)
 
 
+def table_1(results: Results) -> pd.DataFrame:
+    """Return success of gradient repair by model and user, all users from the same starts, after the paper's Table 1."""
+    paper = pd.DataFrame([{"variant": "paper", "user": user, "success": p} for user, p in PAPER_TABLE_1.items()])
+    return pd.concat([paper[paper["user"].isin(results.users)], by_model(results).query("method == 'same_starts'")])
+
+
 def score(results: Results) -> pd.DataFrame:
     """Return each model's number of right verdicts on added items and on changes of user, and those of no image."""
     rows = [(v, results.verdicts_right(v), results.verdicts_right(v, "user")) for v in results.variants]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, SharedSplit, Size, Whole, need, widest_margin
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
+from pipeline.world.rules import valid
 
 SEARCHED = "clearance"  # the variant whose search results are reported as metrics
 
@@ -34,6 +35,7 @@ class Settings(Ascent):
     distance_penalty: Size
     lattice_side: Count
     refinements: Whole
+    plain_rate: Size
 
 
 def agree(repair: Settings, parameters: Any) -> None:
@@ -50,14 +52,16 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     layouts, r = scenes.layouts[pool], cfg.repair
     candidates = random_z_theta(stream(cfg.scenes.root_seed, "repair", "starts"), len(layouts), r.starts)
     given = layouts, candidates, r.lattice_side, r.refinements
+    to_any = np.any([~valid(layouts, candidates, margins) for margins in cfg.users.values()], axis=0)
     starts = {user: Starts.of(user, margins, *given) for user, margins in cfg.users.items()}
-    if not any(len(s.z) for s in starts.values()):
+    shared = {user: Starts.of(user, margins, *given, to_any) for user, margins in cfg.users.items()}
+    if not to_any.any():
         raise InputError(f"no user has an invalid path among those drawn in {pool}: raise repair.starts")
     models = list(product(cfg.variants, cfg.users, cfg.protocol.seeds))
-    jobs = [(variant, seed, starts[user]) for variant, user, seed in models]
+    jobs = [(variant, seed, starts[user], shared[user]) for variant, user, seed in models]
     repairs = map_jobs(partial(_repair, cfg, scenes.images[pool], candidates), jobs, cfg.workers, "repairs")
-    gradient, search, paths = zip(*repairs, strict=True)
-    tables = [*gradient, *search, *_baselines(cfg, scenes, starts)]
+    of_models, paths = zip(*repairs, strict=True)
+    tables = [*chain(*of_models), *_baselines(cfg, scenes, starts)]
     table = pd.concat([t for t in tables if len(t)], ignore_index=True)
     summary = measures(table)
     write_table(out_dir / "repairs.parquet", table)
@@ -66,18 +70,30 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_json(out_dir / "metrics.json", _metrics(summary))
 
 
-def _repair(cfg: DictConfig, images: Array, candidates: Array, job: tuple[str, int, Starts]) -> tuple:
-    """Return a model's ends by gradient steps and by search (tables), and its gradient steps (start, point, 2) [m]."""
-    (variant, seed, s), r = job, cfg.repair
-    if len(s.z) == 0:
-        return pd.DataFrame(), pd.DataFrame(), np.zeros((0, r.steps + 1, 2), np.float32)
-    model = load_model(cfg, variant, s.user, seed, cfg.main_n_demos)
-    repairs = repair(model, images, candidates, Ascent.of(r))  # all candidates, so that batches have one shape
-    z, p = repairs.z[s.scene, s.start], repairs.p[s.scene, s.start]
-    log_valid = by_model(model, images)
-    ends, log_p = nearest(log_valid, s.scene, s.z, float(r.distance_penalty), r.lattice_side, r.refinements)
-    gradient = rows(s, "gradient", variant, seed, z[:, -1], p[:, 0], p[:, -1])
-    return gradient, rows(s, "nearest", variant, seed, ends, p[:, 0], np.exp(log_p)), z
+def _repair(
+    cfg: DictConfig, images: Array, candidates: Array, job: tuple[str, int, Starts, Starts]
+) -> tuple[list[pd.DataFrame], Array]:
+    """Return a model's ends, a table a method, and its gradient steps from the user's starts (start, point, 2) [m].
+
+    The methods: gradient steps; those from the starts of all users; the paper's plain steps; the search.
+    """
+    (variant, seed, own, shared), r = job, cfg.repair
+    model = load_model(cfg, variant, own.user, seed, cfg.main_n_demos)
+    tuned = repair(model, images, candidates, Ascent.of(r))  # all candidates, so that batches have one shape
+    plain = Ascent(steps=r.steps, optimiser="gradient", rate=r.plain_rate)
+    steps = {"gradient": (own, tuned), "same_starts": (shared, tuned)}
+    if len(own.z):
+        steps["plain_gradient"] = own, repair(model, images, candidates, plain)
+    tables = []
+    for method, (starts, made) in steps.items():
+        z, p = made.z[starts.scene, starts.start], made.p[starts.scene, starts.start]
+        tables.append(rows(starts, method, variant, seed, z[:, -1], p[:, 0], p[:, -1]))
+    if len(own.z):
+        given = float(r.distance_penalty), r.lattice_side, r.refinements
+        ends, log_p = nearest(by_model(model, images), own.scene, own.z, *given)
+        p_start = tuned.p[own.scene, own.start, 0]
+        tables.append(rows(own, "nearest", variant, seed, ends, p_start, np.exp(log_p)))
+    return tables, tuned.z[own.scene, own.start]
 
 
 def _baselines(cfg: DictConfig, scenes: SceneSet, starts: Mapping[str, Starts]) -> list[pd.DataFrame]:

@@ -20,7 +20,7 @@ from tests.factories import models_in_rendered_scenes, rendered_scenes
 
 pytestmark = pytest.mark.slow
 VARIANTS = ("full", "irl_ranked", "clearance")
-BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
+BY_MODEL, BASELINES = ["gradient", "plain_gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +38,21 @@ def table(out: Path) -> pd.DataFrame:
 
 def test_every_method_repairs_the_same_invalid_starts(table: pd.DataFrame):
     key = ["seed", "scene", "start", "z0_x", "z0_y", "oracle_displacement_m"]
-    for _, of_user in table.groupby("user"):
+    for _, of_user in table[table["method"] != "same_starts"].groupby("user"):
         starts = [part[key].to_numpy() for _, part in of_user.groupby(["method", "variant"])]
         assert len(starts) == 3 * len(BY_MODEL) + len(BASELINES)
         for other in starts[1:]:
             np.testing.assert_array_equal(starts[0], other)
+
+
+def test_the_same_starts_are_given_to_every_user_and_always_end_valid_to_one_who_avoids_nothing(table: pd.DataFrame):
+    shared = table[table["method"] == "same_starts"]
+    starts = [part[["seed", "scene", "start"]].to_numpy() for _, part in shared.groupby(["variant", "user"])]
+    assert len(starts) == 3 * len(VARIANTS)
+    assert all((one == starts[0]).all() for one in starts)
+    assert shared.loc[shared["user"] == "aggressive", "valid_end"].all()
+    both = shared.merge(table[table["method"] == "gradient"], on=["variant", "user", "seed", "scene", "start"])
+    assert len(both) and (both["z_x_x"] == both["z_x_y"]).all()
 
 
 def test_probabilities_are_the_models(cfg: DictConfig, table: pd.DataFrame):
@@ -66,7 +76,7 @@ def test_the_oracle_always_succeeds_and_no_success_with_room_is_shorter(table: p
 def test_the_summary_and_the_metrics_are_of_the_table_s_users_with_an_invalid_path(out: Path, table: pd.DataFrame):
     summary = read_table(out / "summary.csv").fillna({"variant": ""}).set_index(["method", "variant", "user"])
     metrics = json.loads((out / "metrics.json").read_text())
-    assert set(summary.index.get_level_values("user")) == set(table["user"]) == {"careful", "normal"}
+    assert set(summary.index.get_level_values("user")) == set(table["user"]) == {"careful", "normal", "aggressive"}
     for key, rows in table.groupby(["method", "variant", "user"]):
         row = summary.loc[key]
         assert row["success"] == pytest.approx(rows["valid_end"].mean(), rel=1e-5)
