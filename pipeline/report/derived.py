@@ -198,7 +198,7 @@ def success(results: Results) -> pd.DataFrame:
 
 
 def table_1(results: Results) -> pd.DataFrame:
-    """Return success of gradient repair by model and user, all users from the same starts, after the paper's Table 1."""
+    """Return success of gradient repair by model and user, all users from the same starts, and the paper's."""
     paper = pd.DataFrame([{"variant": "paper", "user": user, "success": p} for user, p in PAPER_TABLE_1.items()])
     return pd.concat([paper[paper["user"].isin(results.users)], by_model(results).query("method == 'same_starts'")])
 

@@ -120,6 +120,22 @@ def drawn(results: Results) -> Figure:
     return figure
 
 
+def steps(results: Results) -> Figure:
+    """Draw the gradient steps of the paper's model from one start a scene, dark to light: a row for each user."""
+    users, scenes, of = list(results.users), results.drawn.mapped[:3], results.table("repairs")
+    of = of[(of["method"] == "same_starts") & (of["variant"] == "full") & (of["seed"] == results.seeds[0])]
+    titles, names = [f"scene {scene}" for scene in scenes], [f"{user} user" for user in users]
+    figure, axes = panels(len(users), len(scenes), 3.2 * len(scenes), 3.3 * len(users), titles, names)
+    for line, user in zip(axes, users, strict=True):
+        starts = of.loc[of["user"] == user, "scene"].to_numpy()
+        for panel, scene in zip(line, scenes, strict=True):
+            draw_table(panel, results.drawn.images[scene], results.drawn.layouts, scene, results.users[user])
+            for points in results.paths[f"same_starts-{user}"][starts == scene][:1]:
+                for point, shade in zip(points, np.linspace(0, 1, len(points)), strict=True):
+                    draw_path(panel, point, to_hex(matplotlib.colormaps["copper"](shade)), width=1.2)
+    return figure
+
+
 def _traces(results: Results, user: str, scene: int, variants: list[str]) -> dict[str, Array]:
     """Return by variant the control points (step, 2) [m] of the first seed's repair of the user's first invalid path.
 

@@ -26,6 +26,7 @@ from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import valid
 
+DRAWN = "full"  # the variant whose steps from the same starts a figure shows
 SEARCHED = "clearance"  # the variant whose search results are reported as metrics
 
 
@@ -60,21 +61,24 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     models = list(product(cfg.variants, cfg.users, cfg.protocol.seeds))
     jobs = [(variant, seed, starts[user], shared[user]) for variant, user, seed in models]
     repairs = map_jobs(partial(_repair, cfg, scenes.images[pool], candidates), jobs, cfg.workers, "repairs")
-    of_models, paths = zip(*repairs, strict=True)
+    of_models, paths, drawn = zip(*repairs, strict=True)
     tables = [*chain(*of_models), *_baselines(cfg, scenes, starts)]
     table = pd.concat([t for t in tables if len(t)], ignore_index=True)
     summary = measures(table)
     write_table(out_dir / "repairs.parquet", table)
-    write_arrays(out_dir / "paths.npz", {model_name(*key): z for key, z in zip(models, paths, strict=True)})
+    own = {model_name(*key): z for key, z in zip(models, paths, strict=True)}
+    same_starts = {f"same_starts-{key[1]}": z for key, z in zip(models, drawn, strict=True) if z is not None}
+    write_arrays(out_dir / "paths.npz", own | same_starts)
     write_table(out_dir / "summary.csv", summary)
     write_json(out_dir / "metrics.json", _metrics(summary))
 
 
 def _repair(
     cfg: DictConfig, images: Array, candidates: Array, job: tuple[str, int, Starts, Starts]
-) -> tuple[list[pd.DataFrame], Array]:
+) -> tuple[list[pd.DataFrame], Array, Array | None]:
     """Return a model's ends, a table a method, and its gradient steps from the user's starts (start, point, 2) [m].
 
+    Last, of the first seed's model of the paper, those from the starts of all users; None of others.
     The methods: gradient steps; those from the starts of all users; the paper's plain steps; the search.
     """
     (variant, seed, own, shared), r = job, cfg.repair
@@ -93,7 +97,8 @@ def _repair(
         ends, log_p = nearest(by_model(model, images), own.scene, own.z, *given)
         p_start = tuned.p[own.scene, own.start, 0]
         tables.append(rows(own, "nearest", variant, seed, ends, p_start, np.exp(log_p)))
-    return tables, tuned.z[own.scene, own.start]
+    drawn = (variant, seed) == (DRAWN, cfg.protocol.seeds[0])
+    return tables, tuned.z[own.scene, own.start], tuned.z[shared.scene, shared.start] if drawn else None
 
 
 def _baselines(cfg: DictConfig, scenes: SceneSet, starts: Mapping[str, Starts]) -> list[pd.DataFrame]:

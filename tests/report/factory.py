@@ -103,8 +103,10 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
         "repair": repair.assign(
             starts=SCENES * STARTS, displacement_ratio=1.3, accepted=model.where(model) * 0.9,
             unsafe=(1 - success).where(model)),
-        "repairs": grid(variant=variants, user=judged, seed=SEEDS, scene=range(SCENES), start=range(STARTS)).assign(
-            method="gradient", valid_end=True),
+        "repairs": pd.concat([
+            grid(method=[method], variant=variants, user=of, seed=SEEDS, scene=range(SCENES), start=range(STARTS))
+            for method, of in (("gradient", judged), ("same_starts", users))
+        ]).assign(valid_end=True),
         "seeds": pd.DataFrame({"headline": "accuracy.full.new_items", "seed": SEEDS, "value": 0.5}),
         "interventions": interventions,
         "bold": _bold(variants, users),
@@ -198,7 +200,10 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
         main_n_demos=9,
         shown=shown,
         tables=tables(variants, users) | changes,
-        paths={f"{v}-{u}-s{s}": np.stack([steps] * SCENES * STARTS) for v, u, s in product(variants, judged, SEEDS)},
+        paths=dict.fromkeys(
+            [f"{v}-{u}-s{s}" for v, u, s in product(variants, judged, SEEDS)] + [f"same_starts-{u}" for u in users],
+            np.stack([steps] * SCENES * STARTS),
+        ),
         drawn=drawn,
         catalogue=catalogue,
         facts=FACTS | {"studies": dict(FACTS["studies"])},
