@@ -25,6 +25,7 @@ from pipeline.runtime.settings import Count, SharedSplit, Size, Whole, need, wid
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 
+UNSEEN = "new_items"  # the split whose items are unseen, and so a source of chance
 SEARCHED = "clearance"  # the variant whose search results are reported as metrics
 
 
@@ -59,7 +60,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     gradient, search, paths = zip(*repairs, strict=True)
     tables = [*gradient, *search, *_baselines(cfg, scenes, starts)]
     table = pd.concat([t for t in tables if len(t)], ignore_index=True)
-    summary = measures(table)
+    which = np.unique(layouts.item[layouts.present])
+    items = ((layouts.item[..., None] == which) * (1 + layouts.symbol[..., None])).max(1)
+    summary = measures(table, items if r.split == UNSEEN else None)
     write_table(out_dir / "repairs.parquet", table)
     write_arrays(out_dir / "paths.npz", {model_name(*key): z for key, z in zip(models, paths, strict=True)})
     write_table(out_dir / "summary.csv", summary)
