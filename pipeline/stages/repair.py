@@ -32,6 +32,7 @@ SEARCHED = "clearance"  # the variant whose search results are reported as metri
 class Settings(Ascent):
     split: SharedSplit
     starts: Count
+    plain_rate: Size
     distance_penalty: Size
     lattice_side: Count
     refinements: Whole
@@ -57,8 +58,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     models = list(product(cfg.variants, cfg.users, cfg.protocol.seeds))
     jobs = [(variant, seed, starts[user]) for variant, user, seed in models]
     repairs = map_jobs(partial(_repair, cfg, scenes.images[pool], candidates), jobs, cfg.workers, "repairs")
-    gradient, search, paths = zip(*repairs, strict=True)
-    tables = [*gradient, *search, *_baselines(cfg, scenes, starts)]
+    gradient, plain, search, paths = zip(*repairs, strict=True)
+    tables = [*gradient, *plain, *search, *_baselines(cfg, scenes, starts)]
     table = pd.concat([t for t in tables if len(t)], ignore_index=True)
     which = np.unique(layouts.item[layouts.present])
     items = ((layouts.item[..., None] == which) * (1 + layouts.symbol[..., None])).max(1)
@@ -70,17 +71,23 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _repair(cfg: DictConfig, images: Array, candidates: Array, job: tuple[str, int, Starts]) -> tuple:
-    """Return a model's ends by gradient steps and by search (tables), and its gradient steps (start, point, 2) [m]."""
+    """Return a model's ends by tuned and by plain gradient steps and by search (tables), and its tuned steps.
+
+    The steps are (start, point, 2) [m].
+    """
     (variant, seed, s), r = job, cfg.repair
     if len(s.z) == 0:
-        return pd.DataFrame(), pd.DataFrame(), np.zeros((0, r.steps + 1, 2), np.float32)
+        return *(pd.DataFrame(),) * 3, np.zeros((0, r.steps + 1, 2), np.float32)
     model = load_model(cfg, variant, s.user, seed, cfg.main_n_demos)
     repairs = repair(model, images, candidates, Ascent.of(r))  # all candidates, so that batches have one shape
     z, p = repairs.z[s.scene, s.start], repairs.p[s.scene, s.start]
+    plain = repair(model, images, candidates, Ascent(steps=r.steps, optimiser="gradient", rate=r.plain_rate))
+    plain_z, plain_p = plain.z[s.scene, s.start, -1], plain.p[s.scene, s.start, -1]
     log_valid = by_model(model, images)
     ends, log_p = nearest(log_valid, s.scene, s.z, float(r.distance_penalty), r.lattice_side, r.refinements)
     gradient = rows(s, "gradient", variant, seed, z[:, -1], p[:, 0], p[:, -1])
-    return gradient, rows(s, "nearest", variant, seed, ends, p[:, 0], np.exp(log_p)), z
+    plain = rows(s, "plain", variant, seed, plain_z, p[:, 0], plain_p)
+    return gradient, plain, rows(s, "nearest", variant, seed, ends, p[:, 0], np.exp(log_p)), z
 
 
 def _baselines(cfg: DictConfig, scenes: SceneSet, starts: Mapping[str, Starts]) -> list[pd.DataFrame]:
