@@ -111,7 +111,7 @@ class Effect(NamedTuple):
     estimate: float  # change in E[V], the mean P(valid) over paths, averaged over scenes and models
     interval: tuple[float, float]  # 95 % confidence interval
     p: float  # two-sided p-value of no effect
-    verdict: str  # "effect", "negligible" or "undecided" (pipeline.stats.tests.verdict)
+    verdict: str  # "effect", "negligible", "present" or "undecided" (pipeline.stats.tests.verdict)
 
 
 @undisturbed()
@@ -214,7 +214,7 @@ def effect(
         share, share90 = beta.ppf((0.975, 0.95), informative + 1, scenes - informative).tolist()  # of changes up to 1
         p, low, high = 1.0, min(low, -share), max(high, share)
         low90, high90 = min(low90, -share90), max(high90, share90)
-    return Effect(mean, (low, high), p, verdict(mean, p, low90, high90))
+    return Effect(mean, (low, high), p, verdict(low, high, low90, high90))
 
 
 @undisturbed()

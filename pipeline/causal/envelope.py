@@ -68,7 +68,7 @@ def envelopes(
     item: the added item; n_training: number of items of the symbol in the training sets, None if nothing was learned
     from items; margins: the true margins, None if there is none. NaN: the dose is missing in the scene.
 
-    An envelope exists if the response at contact is a positive effect (Holm over the family, items in place of scenes).
+    An envelope exists if the response at contact is a positive effect (items in place of scenes).
     Columns: radius_m, ci_low, ci_high (NaN: no envelope), true_radius_m (NaN: no margin), response (at contact),
     p_holm, verdict, right (envelope and margin both exist, or neither), covered (the interval contains the margin; None
     unless both exist).
@@ -81,7 +81,7 @@ def envelopes(
     rows = []
     for values, n, contact, p_holm, margin in zip(by_question, n_training, contacts, adjusted, margins, strict=True):
         at_contact = float(contact.effect[0])
-        judged = verdict(at_contact, p_holm, contact.ci90_low[0], contact.ci90_high[0])
+        judged = verdict(*(getattr(contact, end)[0] for end in ("ci_low", "ci_high", "ci90_low", "ci90_high")))
         is_there = judged == "effect" and at_contact > 0
         middle, low, high = radius(values, doses, n) if is_there else (np.nan,) * 3
         covered = low <= margin <= high if is_there and margin is not None else None

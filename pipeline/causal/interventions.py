@@ -18,7 +18,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
-from pipeline.stats.crossed import Effects, Estimates, estimate
+from pipeline.stats.crossed import Effects, Estimates, Items, estimate
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm, true_verdict, verdict
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.rules import PAPER_P_VALID
@@ -33,17 +33,17 @@ PAPER_BOLD = {  # (user, symbol) of the cells that the paper prints in bold
 BOLD_COLUMNS = "source", "user", "change", "mean", "q1", "q3", "effect", "ci_low", "ci_high", "p_holm", "bold", "beyond"
 
 
-def estimate_effects(effects: Effects) -> pd.DataFrame:
+def estimate_effects(effects: Effects, items: Items = None) -> pd.DataFrame:
     """Return estimates and verdicts of a family of questions, one row per question, with ESTIMATE_COLUMNS.
 
     effect: mean over seeds and scenes; q1, q3: quartiles of the seeds' means; ci_, ci90_: 95 % and 90 % intervals over
-    seeds crossed with scenes, corrected for skewness; p_holm: corrected over the family; verdict: that of
-    `pipeline.stats.tests.verdict`. ValueError unless the effects are finite and of at least two scenes.
+    seeds crossed with scenes, corrected for skewness unless `items` are chance; p_holm: corrected over the family;
+    verdict: of `pipeline.stats.tests.verdict`. ValueError unless the effects are finite and of at least two scenes.
     """
-    estimates = estimate(effects, skewed=True)
+    estimates = estimate(effects, items is None, items)
     table = pd.DataFrame({field.name: getattr(estimates, field.name) for field in fields(Estimates)})
     table["p_holm"] = holm(estimates.p)
-    columns = (table[name] for name in ("effect", "p_holm", "ci90_low", "ci90_high"))
+    columns = (table[name] for name in ("ci_low", "ci_high", "ci90_low", "ci90_high"))
     table["verdict"] = [verdict(*row) for row in zip(*columns, strict=True)]
     return table[ESTIMATE_COLUMNS]
 
@@ -53,13 +53,14 @@ def compare_with_truth(
     intervened: Effects,
     true_baseline: Float[Array, "question scene"],
     true_intervened: Float[Array, "question scene"],
+    items: Items = None,
 ) -> pd.DataFrame:
     """Return `estimate_effects` of the effects together with the truth, one row per question.
 
     Further columns: baseline, intervened (means); truth (the true effect); truth_verdict; right: the verdict is the
     true one and, for an effect, the sign is correct.
     """
-    table = estimate_effects(intervened - baseline)
+    table = estimate_effects(intervened - baseline, items)
     table["baseline"], table["intervened"] = baseline.mean((1, 2)), intervened.mean((1, 2))
     table["truth"] = (true_intervened - true_baseline).mean(-1)
     table["truth_verdict"] = [true_verdict(effect) for effect in table["truth"]]
@@ -109,7 +110,9 @@ def right_verdicts(summary: pd.DataFrame, kind: str, users: Sequence[str]) -> di
     return {str(variant): int(count) for variant, count in right.items()}
 
 
-def bold_rows(source: str, changes: Sequence[tuple[str, str]], baseline: Effects, intervened: Effects) -> pd.DataFrame:
+def bold_rows(
+    source: str, changes: Sequence[tuple[str, str]], baseline: Effects, intervened: Effects, items: Items = None
+) -> pd.DataFrame:
     """Return a source's block of Table 2: mean P(valid) without and with an added item, bold where it changes.
 
     The paper: "The cells in bold indicate significant change with respect to the no intervention column."
@@ -125,7 +128,7 @@ def bold_rows(source: str, changes: Sequence[tuple[str, str]], baseline: Effects
         q1, q3 = np.quantile(values, (0.25, 0.75), axis=-1)
         return {"mean": p.mean((1, 2)), "q1": q1, "q3": q3}
 
-    estimates = estimate_effects(intervened - baseline)
+    estimates = estimate_effects(intervened - baseline, items)
     rows = pd.DataFrame(changes, columns=["user", "change"]).assign(source=source, **levels(intervened))
     rows = rows.join(estimates[["effect", "ci_low", "ci_high", "p_holm"]])
     rows["bold"] = rows["p_holm"] < LEVEL

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.planning.nearest import Z, nearest_valid
-from pipeline.stats.crossed import quartiles, ratio
+from pipeline.stats.crossed import Items, quartiles, ratio
 from pipeline.stats.scores import DECISION
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, clearance, slack, valid
@@ -68,13 +68,13 @@ def rows(
     )  # fmt: skip
 
 
-def measures(repairs: pd.DataFrame) -> pd.DataFrame:
+def measures(repairs: pd.DataFrame, items: Items = None) -> pd.DataFrame:
     """Return the measures of each method, variant and user, one row each, in the order of their first row.
 
     repairs: one row per start and seed (`rows`). Columns of the result:
     seeds, starts (per seed);
     success: share of repaired paths that are truly valid, with quartiles over seeds and a 95 % interval over seeds
-    crossed with scenes (NaN for a single scene);
+    crossed with scenes (NaN for a single scene), and with the `items` (scene, item) of all scenes if they are chance;
     displacement_ratio: sum of displacements over the sum of displacements to the nearest valid paths (NaN if all are
     valid);
     accepted: share of repaired paths with p > .5; unsafe: share of all starts accepted although truly invalid.
@@ -88,10 +88,11 @@ def measures(repairs: pd.DataFrame) -> pd.DataFrame:
         moved, least = (float(rows[name].sum()) for name in ("displacement_m", "oracle_displacement_m"))
         unsafe = float((accepted * ~rows["valid_end"].to_numpy(dtype=bool)).mean())
         sums = rows.groupby(["seed", "scene"])["valid_end"].agg(["sum", "size"])
-        successes, starts = (sums[name].unstack().to_numpy(dtype=float)[None] for name in ("sum", "size"))
+        by_scene = sums.unstack()
+        successes, starts = (by_scene[name].to_numpy(dtype=float)[None] for name in ("sum", "size"))
         low = high = np.nan
         if starts.shape[2] >= 2:
-            interval = ratio(successes, starts)
+            interval = ratio(successes, starts, None if items is None else items[by_scene["sum"].columns])
             low, high = (float(end[0].clip(0, 1)) for end in (interval.ci_low, interval.ci_high))
         measured.append((
             *group, len(by_seed), int(by_seed["size"].iloc[0]), success["mean"], success["q1"], success["q3"],

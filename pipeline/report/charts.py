@@ -29,12 +29,13 @@ Names = str | Sequence[str]
 
 
 def curves(
-    data: Any, table: Table, x: str, y: Names, unit=1, x_unit=1, log=False, reference=None, diagonal="", **options: Any
-) -> Figure:
+    data: Any, table: Table, x: str, y: Names, unit=1, x_unit=1, log=False, reference=None, diagonal="", joined=True,
+    **options: Any,
+) -> Figure:  # fmt: skip
     """Return lines of y over x, with a band from low to high, a line for each value of `hue`.
 
     x_unit: what x is multiplied by. log: a logarithmic x. reference: horizontal lines, by name. diagonal: the name of a
-    line on which y is x.
+    line on which y is x. joined: false if a series that skips an x of its panel has marks without a line.
     """
     chart = _Chart(data, table, y, **options)
     text = not pd.api.types.is_numeric_dtype(chart.frame[x])
@@ -44,6 +45,8 @@ def curves(
             own = own if text else own.sort_values(x, kind="stable")
             places = np.array([values.index(v) for v in own[x]]) if text else x_unit * own[x].to_numpy(float)
             middle = unit * own[column].to_numpy(float)
+            if not joined and set(rows[x]) - set(own[x]):
+                look |= {"linestyle": "", "marker": look["marker"] or "o"}
             if ends:
                 low, high = (unit * own[end].to_numpy(float) for end in ends)
                 band = {"color": look["color"], "alpha": 0.13, "linewidth": 0}

@@ -219,7 +219,7 @@ def sensitivity(results: Results) -> pd.DataFrame:
     rows = []
     for variant in results.variants:
         asked = results.asked("add", variant)
-        numbers = list(asked[["effect", "p_holm", "ci90_low", "ci90_high"]].itertuples(index=False))
+        numbers = list(asked[["ci_low", "ci_high", "ci90_low", "ci90_high"]].itertuples(index=False))
         given = {s: [verdict(*x, smallest=s) for x in numbers] for s in SMALLEST}
         right = {f"{s:.2f}": sum(asked["truth_verdict"] == said) for s, said in given.items()}
         rows.append({"variant": variant} | right)

@@ -1,6 +1,7 @@
 """Stage evaluate: score every variant and the image-blind baselines on all queries, and compare variants."""
 
 from collections import Counter
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,18 +20,22 @@ from pipeline.models import baselines
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import Count, Demonstrations, Group, Names, Some, need, need_some
-from pipeline.stats.crossed import estimate, quartiles
+from pipeline.stats.crossed import Items, estimate, quartiles
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
-from pipeline.stats.tests import LEVEL, holm, paired_wilcoxon
+from pipeline.stats.tests import LEVEL, MIN_PAIRS, SMALLEST_GAIN, holm, paired_wilcoxon, verdict
 
 MODEL = ["user", "n_demos", "seed", "split"]
 QUERY = [*MODEL, "scene", "query"]
 COMPARED = [
-    "family", "variant", "against", "split", "n_demos", "mean", "mean_against", "difference", "q1", "q3", "p", "p_holm",
-    "significant", "seeds",
+    "family", "variant", "against", "split", "n_demos", "mean", "mean_against", "difference", "q1", "q3", "ci_low",
+    "ci_high", "ci90_low", "ci90_high", "verdict", "p", "p_holm", "significant", "seeds",
 ]  # fmt: skip
 CONVERGENCE = ["reconstruction_over_flat", "own_demonstrations", "passed"]
-HEADLINE, SEEN = "new_items", "seen_scenes"  # splits of the headlines, which fit a screen together
+HEADLINE, SEEN = (
+    "new_items",
+    "seen_scenes",
+)  # splits of the headlines, which fit a screen together; HEADLINE has unseen items
+INTERVALS = ["ci_low", "ci_high", "ci90_low", "ci90_high"]
 PAPER, SHOWN = "full", ("full", "clearance")  # variants with more headlines than others
 MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correction more tests could never be significant
 
@@ -78,13 +83,16 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     judged = predictions[predictions["user"].isin(cfg.evaluate.users)]
     scored = accuracies[accuracies["user"].isin(cfg.evaluate.users)]
     by_seed = scored.groupby(["variant", "split", "n_demos", "seed"], sort=False)["accuracy"].mean().unstack(sort=False)
-    summary, convergence = _summary(cfg, by_seed, judged), _convergence(cfg)
+    right = judged.assign(right=(judged["p"] > DECISION) == judged["valid"])
+    by_scene = right.groupby(["variant", "split", "n_demos", "seed", "scene"], observed=True)["right"].mean()
+    items = {HEADLINE: _items(cfg)}
+    summary, convergence = _summary(cfg, by_seed, by_scene, items), _convergence(cfg)
     calibration, scores = _calibration(judged[judged["n_demos"] == cfg.main_n_demos], bins)
     write_table(out_dir / "accuracy.parquet", accuracies)
     write_table(out_dir / "accuracy.csv", summary)
     write_table(out_dir / "calibration.csv", calibration)
     write_table(out_dir / "scores.csv", scores)
-    write_table(out_dir / "comparisons.csv", _comparisons(cfg, by_seed))
+    write_table(out_dir / "comparisons.csv", _comparisons(cfg, by_seed, by_scene, items))
     write_table(out_dir / "convergence.csv", convergence)
     write_json(out_dir / "metrics.json", _metrics(cfg, summary, convergence))
 
@@ -133,6 +141,14 @@ def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
     return [*nearest, *position]
 
 
+def _items(cfg: DictConfig) -> Items:
+    """Return the unseen items that each scene of HEADLINE holds, (scene, item), by kind."""
+    layouts = read_table(Path(cfg.paths.scenes) / "layouts.parquet")
+    rows = layouts[layouts["pool"] == cfg.protocol.splits[HEADLINE]]
+    kinds = rows.assign(kind=1 + rows["symbol"])
+    return kinds.pivot_table("kind", "scene", "item", "max", fill_value=0).to_numpy(dtype=int)
+
+
 def _scores(rows: pd.DataFrame, bins: int) -> dict[str, float]:
     """Return the scores of predictions; bias: mean p - share valid; auroc is NaN if all labels are equal."""
     p, valid = rows["p"].to_numpy(), rows["valid"].to_numpy()
@@ -142,19 +158,19 @@ def _scores(rows: pd.DataFrame, bins: int) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _summary(cfg: DictConfig, by_seed: pd.DataFrame, judged: pd.DataFrame) -> pd.DataFrame:
+def _summary(cfg: DictConfig, by_seed: pd.DataFrame, by_scene: pd.Series, items: Mapping[str, Items]) -> pd.DataFrame:
     """Return mean accuracy and quartiles over seeds by variant, split and number of demonstrations.
 
-    At main_n_demos, splits shared by all seeds have a 95 % interval over seeds crossed with scenes.
+    At main_n_demos, splits shared by all seeds have a 95 % interval over seeds crossed with scenes, and `items` of a
+    split if they are chance.
     """
-    right = judged.assign(right=(judged["p"] > DECISION) == judged["valid"])
-    right, rows = right[right["n_demos"] == cfg.main_n_demos], []
+    rows = []
     for key, values in by_seed.iterrows():
         row = dict(zip(by_seed.index.names, key, strict=True)) | quartiles(values.to_numpy())
         row |= {"ci_low": np.nan, "ci_high": np.nan, "seeds": len(values)}
         if row["n_demos"] == cfg.main_n_demos and cfg.protocol.splits[row["split"]] is not None:
-            questions = right[(right["variant"] == row["variant"]) & (right["split"] == row["split"])]
-            interval = estimate(questions.pivot_table("right", "seed", "scene").to_numpy(dtype=float)[None])
+            right = by_scene[row["variant"], row["split"], row["n_demos"]].unstack().to_numpy()
+            interval = estimate(right[None], items=items.get(row["split"]))
             row |= {"ci_low": interval.ci_low[0], "ci_high": interval.ci_high[0]}
         rows.append(row)
     return pd.DataFrame(rows)
@@ -177,8 +193,15 @@ def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.Data
     return pd.concat(tables, ignore_index=True)[columns], pd.DataFrame(rows)
 
 
-def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
-    """Return the tests fixed in advance: exact paired Wilcoxon over seeds, Holm-corrected within each family."""
+def _comparisons(
+    cfg: DictConfig, by_seed: pd.DataFrame, by_scene: pd.Series, items: Mapping[str, Items]
+) -> pd.DataFrame:
+    """Return the tests fixed in advance: exact paired Wilcoxon over seeds, Holm-corrected within each family.
+
+    ci_, ci90_: intervals of the mean difference, from MIN_PAIRS seeds: over seeds, crossed with scenes and `items` in
+    splits shared by all seeds. verdict: on a difference of SMALLEST_GAIN. A difference in a shared split is significant
+    only if its 95 % interval lies beyond 0, too, since the test takes scenes as certain.
+    """
     rows = []
     for group in cfg.evaluate.comparisons:
         n = cfg.main_n_demos if group.n_demos is None else group.n_demos
@@ -186,10 +209,22 @@ def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
             if {(group.variant, split, n), (against, split, n)} <= set(by_seed.index):
                 a, b = (by_seed.loc[(variant, split, n)].to_numpy() for variant in (group.variant, against))
                 row = [group.family, group.variant, against, split, n, a.mean(), b.mean(), (a - b).mean()]
-                rows.append([*row, *np.quantile(a - b, [0.25, 0.75]), paired_wilcoxon(a, b), len(a)])
+                shared = cfg.protocol.splits[split] is not None
+                effects = (a - b)[None, :]  # seeds alone are chance
+                if shared:
+                    sides = (by_scene[variant, split, n].unstack().to_numpy() for variant in (group.variant, against))
+                    effects = np.subtract(*sides)
+                ends = [np.nan] * len(INTERVALS)
+                if len(a) >= MIN_PAIRS:
+                    difference = estimate(effects[None], items=items.get(split))
+                    ends = [getattr(difference, end)[0] for end in INTERVALS]
+                row += [*np.quantile(a - b, [0.25, 0.75]), *ends, verdict(*ends, smallest=SMALLEST_GAIN)]
+                rows.append([*row, paired_wilcoxon(a, b), len(a)])
     table = pd.DataFrame(rows, columns=[name for name in COMPARED if name not in ("p_holm", "significant")])
     table["p_holm"] = table.groupby("family")["p"].transform(lambda p: holm(p.to_numpy()))
-    table["significant"] = table["p_holm"] < LEVEL
+    shared = table["split"].map(dict(cfg.protocol.splits)).notna()
+    certain = (table["ci_low"] > 0) | (table["ci_high"] < 0)
+    table["significant"] = (table["p_holm"] < LEVEL) & (certain | ~shared)
     return table[COMPARED]
 
 

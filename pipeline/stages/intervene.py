@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
 from pydantic import Field
@@ -31,9 +31,10 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Group, Name, SharedSplit, Whole, checked, need, need_one
 from pipeline.runtime.streams import stream
+from pipeline.stats.crossed import Items
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes
-from pipeline.world.layout import SYMBOLS, LayoutRules, concatenated
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, concatenated
 from pipeline.world.render import ImageSource, read_palette
 
 SCENES_PER_JOB = 4 * SCENES_PER_BATCH  # whole batches, so that results do not depend on it
@@ -60,6 +61,7 @@ class Question:
     family: str
     users: list[str]
     scenes: Bool[Array, " scene"]
+    items: Items  # unseen ones that it is about: added, or else on the table; None: all known
     changes: list[int]
     other: str | None = None
 
@@ -109,7 +111,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         for name, rows in (("placements", split), ("more placements", slice(split.stop, None)))
     ]
     additions = {s: [concatenated(pair) for pair in zip(*(part[s] for part in parts), strict=True)] for s in SYMBOLS}
-    questions, changes = _read_questions(cfg, scenes, additions)
+    known = catalogue.items["split"].iloc[scenes.pool[0]] == "train"
+    questions, changes = _read_questions(cfg, scenes, additions, known)
 
     chunks = [slice(i, i + SCENES_PER_JOB) for i in range(0, len(scenes.layouts), SCENES_PER_JOB)]
     jobs = [(_rows(noise, chunk), [_rows(change, chunk) for change in changes]) for chunk in chunks]
@@ -163,12 +166,18 @@ def _stream(cfg: DictConfig, name: str) -> np.random.Generator:
     return stream(cfg.intervene.root_seed, "intervene", name)
 
 
-def _read_questions(cfg: DictConfig, scenes: Scenes, additions: Mapping) -> tuple[list[Question], list[Values]]:
+def _read_questions(
+    cfg: DictConfig, scenes: Scenes, additions: Mapping, known: bool
+) -> tuple[list[Question], list[Values]]:
     """Return every question, one for each user who may take over, and all changes; the first changes nothing.
 
+    known: whether the items are those of the training scenes, and so no source of chance.
     InputError if a question makes no sense in these scenes, or if a family's questions are asked in different scenes.
     """
     questions, changes, users = [], [{}], list(cfg.users)
+    symbols = scenes.items.symbol
+    counts = _count_items(scenes.layouts, len(symbols))
+    on_table = None if known else (1 + symbols) * (counts > 0)
     for name, question in Asked.of({"questions": cfg.questions}).questions.items():
         placements, where = change(name, question, scenes, additions, _stream(cfg, name))
         family = question.family or name
@@ -176,18 +185,27 @@ def _read_questions(cfg: DictConfig, scenes: Scenes, additions: Mapping) -> tupl
             for other in users if question.to is None else [question.to]:
                 label = name if question.to else f"{name}_{other}"
                 others = [user for user in users if user != other]
-                questions.append(Question(label, "user", "", family, others, where, [0], other))
+                questions.append(Question(label, "user", "", family, others, where, on_table, [0], other))
             continue
         indices = list(range(len(changes), len(changes) + len(placements)))
         changes += placements
         symbol = getattr(question, "symbol", "")
-        questions.append(Question(name, question.kind, symbol, family, users, where, indices))
+        items = on_table
+        if question.kind == "add" and not known:
+            added = np.any([_count_items(x, len(symbols)) > counts for x in additions[symbol]], axis=0)
+            items = (1 + symbols) * added
+        questions.append(Question(name, question.kind, symbol, family, users, where, items, indices))
     for question in questions:
         first = next(q for q in questions if q.family == question.family)
         if (question.scenes != first.scenes).any():
             both = f"family {question.family}: {first.name} and {question.name}"
             raise InputError(f"{both} are asked in different scenes; give each a family of its own")
     return questions, changes
+
+
+def _count_items(layouts: Layouts, items: int) -> Int[Array, "scene item"]:
+    """Return how many of each row of items.csv a scene holds."""
+    return (layouts.item[..., None] == np.arange(items)).sum(1)
 
 
 def _answer(cfg: DictConfig, job: tuple[Values, list[Values]]) -> Float[Array, "change model scene"]:
@@ -205,6 +223,12 @@ def _answer(cfg: DictConfig, job: tuple[Values, list[Values]]) -> Float[Array, "
 def _together(pairs: Iterable[Pair]) -> list[Float[Array, "question seed scene"]]:
     """Return E[V] without and with the change of several questions, each user's one after another."""
     return [np.concatenate(side) for side in zip(*pairs, strict=True)]
+
+
+def _items(questions: list[Question]) -> Items:
+    """Return the unseen items of several questions, each user's one after another; None if all are known."""
+    items = [q.items[q.scenes] for q in questions for _ in q.users if q.items is not None]
+    return np.stack(items) if items else None
 
 
 def _effects(variant: str, questions: list[Question], seeds: list[int], pairs: Mapping[str, list]) -> pd.DataFrame:
@@ -227,7 +251,8 @@ def _summary(variant: str, questions: list[Question], pairs: Mapping[str, list[P
         answers, truth = (_together(pairs[source][i] for i in members) for source in (variant, TRUTH))
         asked_of = [(questions[i], user) for i in members for user in questions[i].users]
         keys = [(q.name, q.kind, q.symbol, variant, user) for q, user in asked_of]
-        table = interventions.compare_with_truth(*answers, *(side[:, 0] for side in truth))
+        items = _items([questions[i] for i in members])
+        table = interventions.compare_with_truth(*answers, *(side[:, 0] for side in truth), items=items)
         tables.append(pd.DataFrame(keys, columns=SUMMARY[:5]).join(table))
     return pd.concat(tables, ignore_index=True)
 
@@ -239,7 +264,7 @@ def _bold(questions: list[Question], users: list[str], pairs: Mapping[str, list[
     blocks = [interventions.paper_rows(users, [questions[i].symbol for i in added])]
     for source in pairs if added else ():
         sides = _together(pairs[source][i] for i in added)
-        blocks.append(interventions.bold_rows(source, changes, *sides))
+        blocks.append(interventions.bold_rows(source, changes, *sides, _items([questions[i] for i in added])))
     return pd.concat(blocks, ignore_index=True)
 
 

@@ -2,7 +2,7 @@
 
 `random_routes` is the main run, read from stage evaluate. In `few_routes_<distance>cm` people show few families of
 routes that keep this distance from the boundary of validity. The paper reports the mean of its three users; to one of
-them every path is valid. New scenes are the validation pool's.
+them every path is valid. New scenes, with training items and with unseen ones, are the validation pools'.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,6 @@ import pandas as pd
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 from pydantic import AfterValidator, Field
-from scipy.stats import t as student
 
 from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
@@ -23,7 +22,9 @@ from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Pair, Whole, Wholes, need, rising
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, draw_judged_sets, judge, judge_blind, row
+from pipeline.stats.crossed import Items, estimate
+from pipeline.stats.tests import MIN_PAIRS
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW_ITEMS, POOLS, draw_judged_sets, judge, judge_blind, row
 from pipeline.training.loop import convergence, is_constant
 from pipeline.training.refit import TrainingSet, refit
 
@@ -61,11 +62,11 @@ def agree(readings: Settings, parameters: Any) -> None:
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write accuracy.parquet (a row per fit or baseline, and split), curve.csv, convergence.csv and metrics.json."""
     scenes = read_scenes(Path(cfg.paths.scenes))
-    scenes.check_has(NEW_POOL, *(train_pool(seed) for seed in cfg.protocol.seeds))
+    scenes.check_has(*POOLS.values(), *(train_pool(seed) for seed in cfg.protocol.seeds))
     evaluated = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
     prior = read_position_prior(Path(cfg.paths.scenes))
-    judged_sets = list(draw_judged_sets(cfg, scenes, [FEW], cfg.readings.clear_cm, cfg.users))
-    evaluate = partial(_judge_and_check, scenes.images[NEW_POOL])
+    judged_sets = list(draw_judged_sets(cfg, scenes, [FEW], cfg.readings.clear_cm, cfg.users, [*POOLS]))
+    evaluate = partial(_judge_and_check, {pool: scenes.images[pool] for pool in POOLS.values()})
     rows, gates = [], []
     numbers = [n for n in cfg.readings.n_demos if n <= cfg.main_n_demos]
     for n in numbers:
@@ -76,49 +77,68 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
             named.main_n_demos = n  # names the random seeds of the fits
             answers = refit(named, {MODEL: of_n}, evaluate, f"readings, n = {n}")[MODEL]
             for x, (right, gate) in zip(of_n, answers, strict=True):
-                rows += [row(x, MODEL, split, share) for split, share in right.items()]
+                rows += [row(x, MODEL, split, by_scene) for split, by_scene in right.items()]
                 gates.append(x.key | {"variant": MODEL} | gate)
     table, convergence = pd.DataFrame(rows), pd.DataFrame(gates, columns=[*FIT, *GATE])
-    curve = _curve({PAPER: list(cfg.users), JUDGED: list(cfg.evaluate.users)}, table, convergence, evaluated)
+    unseen = scenes.layouts[POOLS[NEW_ITEMS]]
+    which = np.unique(unseen.item[unseen.present])
+    items = ((unseen.item[..., None] == which) * (1 + unseen.symbol[..., None])).max(1)
+    users = {PAPER: list(cfg.users), JUDGED: list(cfg.evaluate.users)}
+    curve = _curve(users, table, convergence, evaluated, items)
     ends: dict[str, dict[str, dict[str, float]]] = {}  # the headlines: both ends of the curve, as the paper reports it
     shown = curve[(curve["split"] == HELD_OUT) & (curve["users"] == PAPER) & curve["variant"].isin([MODEL, NEAREST])]
     for cell in shown[shown["n_demos"].isin([numbers[0], numbers[-1]])].itertuples():
         ends.setdefault(cell.reading, {}).setdefault(cell.variant, {})[f"n{cell.n_demos}"] = cell.mean
-    write_table(out_dir / "accuracy.parquet", table)
+    write_table(out_dir / "accuracy.parquet", table.drop(columns="by_scene"))
     write_table(out_dir / "curve.csv", curve)
     write_table(out_dir / "convergence.csv", convergence)
     write_json(out_dir / "metrics.json", {"curve": ends})
 
 
-def _judge_and_check(new_images: Array, model: ValidityModel, judged_set: TrainingSet) -> tuple[dict, dict]:
+def _judge_and_check(scenes: Mapping[str, Array], model: ValidityModel, judged_set: TrainingSet) -> tuple[dict, dict]:
     """Return the model's accuracy in each split, and whether its training converged by the gate of stage train."""
-    return judge(new_images, model, judged_set), convergence(model, judged_set)
+    return judge(scenes, model, judged_set), convergence(model, judged_set)
 
 
 def _curve(
-    users: Mapping[str, list[str]], accuracies: pd.DataFrame, convergence: pd.DataFrame, evaluated: pd.DataFrame
+    users: Mapping[str, list[str]],
+    accuracies: pd.DataFrame,
+    convergence: pd.DataFrame,
+    evaluated: pd.DataFrame,
+    items: Items,
 ) -> pd.DataFrame:
     """Return mean accuracy by reading, split, variant, users and number of demonstrations, with COLUMNS.
 
     users: PAPER and JUDGED -> names; accuracies, convergence: of few routes; evaluated: accuracy.parquet of stage
-    evaluate. q1, q3: quartiles over seeds; ci_low, ci_high: 95 % interval over seeds, empty for new scenes, which all
-    seeds share. fits, passed: number of fits, and of those that converged; passed_mean: the mean of these.
+    evaluate; items: the unseen ones of each scene. q1, q3: quartiles over seeds; ci_low, ci_high: 95 % interval from
+    MIN_PAIRS seeds, over seeds, crossed with scenes and `items` where all seeds share them (empty there for random
+    routes). fits, passed: number of fits, and of those that converged; passed_mean: the mean of these.
     """
     few = accuracies.merge(convergence[[*FIT, "passed"]], on=FIT, how="left")
     few = few.assign(reading=[f"few_routes_{clear_cm}cm" for clear_cm in few["clear_cm"]])
     seen = evaluated.assign(reading=RANDOM, split=evaluated["split"].astype(str).replace("seen_scenes", HELD_OUT))
     columns = [*KEY, "user", "seed", "accuracy"]
-    table = pd.concat([few[[*columns, "passed"]], seen[columns].astype({"user": str})], ignore_index=True)
-    table = table[table["variant"].isin([MODEL, NEAREST, POSITION]) & table["split"].isin([HELD_OUT, NEW])]
+    table = pd.concat([few[[*columns, "passed", "by_scene"]], seen[columns].astype({"user": str})], ignore_index=True)
+    table = table[table["variant"].isin([MODEL, NEAREST, POSITION]) & table["split"].isin([HELD_OUT, *POOLS])]
     parts = []
     for name, members in users.items():
         rows = table[table["user"].isin(members)]
         by_seed = rows.groupby([*KEY, "seed"], sort=False)["accuracy"].mean().groupby(KEY, sort=False)
-        means = by_seed.agg(["mean", "std", "size"]).rename(columns={"size": "seeds"}).assign(users=name)
+        means = (
+            by_seed.agg(["mean", "size"])
+            .rename(columns={"size": "seeds"})
+            .assign(users=name, ci_low=np.nan, ci_high=np.nan)
+        )
         means["q1"], means["q3"] = by_seed.quantile(0.25), by_seed.quantile(0.75)
-        error = means["std"] / np.sqrt(means["seeds"])
-        half = student.ppf(0.975, means["seeds"] - 1) * error.where(means.index.get_level_values("split") == HELD_OUT)
-        means["ci_low"], means["ci_high"] = means["mean"] - half, means["mean"] + half
+        for key, cell in rows.groupby(KEY, sort=False):
+            split, effects = key[1], by_seed.get_group(key).to_numpy()[None, None]  # seeds alone are chance
+            if split != HELD_OUT:
+                if cell["by_scene"].isna().any():
+                    continue
+                effects = np.stack([np.mean(list(x), axis=0) for _, x in cell.groupby("seed")["by_scene"]])[None]
+            if len(cell["seed"].unique()) >= MIN_PAIRS:
+                interval = estimate(effects, items=items if split == NEW_ITEMS else None)
+                means.loc[key, ["ci_low", "ci_high"]] = interval.ci_low[0], interval.ci_high[0]
         fits = rows.dropna(subset="passed")
         counts = fits.groupby(KEY)["passed"].agg(["size", "sum"]).astype("Int64")
         means["fits"], means["passed"] = counts["size"], counts["sum"]

@@ -27,16 +27,17 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import valid
 
 DRAWN = "full"  # the variant whose steps from the same starts a figure shows
+UNSEEN = "new_items"  # the split whose items are unseen, and so a source of chance
 SEARCHED = "clearance"  # the variant whose search results are reported as metrics
 
 
 class Settings(Ascent):
     split: SharedSplit
     starts: Count
+    plain_rate: Size
     distance_penalty: Size
     lattice_side: Count
     refinements: Whole
-    plain_rate: Size
 
 
 def agree(repair: Settings, parameters: Any) -> None:
@@ -64,7 +65,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     of_models, paths, drawn = zip(*repairs, strict=True)
     tables = [*chain(*of_models), *_baselines(cfg, scenes, starts)]
     table = pd.concat([t for t in tables if len(t)], ignore_index=True)
-    summary = measures(table)
+    which = np.unique(layouts.item[layouts.present])
+    items = ((layouts.item[..., None] == which) * (1 + layouts.symbol[..., None])).max(1)
+    summary = measures(table, items if r.split == UNSEEN else None)
     write_table(out_dir / "repairs.parquet", table)
     own = {model_name(*key): z for key, z in zip(models, paths, strict=True)}
     same_starts = {f"same_starts-{key[1]}": z for key, z in zip(models, drawn, strict=True) if z is not None}
@@ -87,7 +90,7 @@ def _repair(
     plain = Ascent(steps=r.steps, optimiser="gradient", rate=r.plain_rate)
     steps = {"gradient": (own, tuned), "same_starts": (shared, tuned)}
     if len(own.z):
-        steps["plain_gradient"] = own, repair(model, images, candidates, plain)
+        steps["plain"] = own, repair(model, images, candidates, plain)
     tables = []
     for method, (starts, made) in steps.items():
         z, p = made.z[starts.scene, starts.start], made.p[starts.scene, starts.start]

@@ -5,8 +5,8 @@ chance: training sets and scenes. It is modelled as the mean of a two-way layout
 tests/stats/test_calibration.py checks levels and coverage by simulation.
 
 Items are a further source of chance. A model's error on an item, such as an outline detected too wide, recurs in every
-scene with that item. If a result is to hold for other items of the symbol, each item counts once: cluster means are the
-observations (`by_item`; Donner and Klar, 2000).
+scene with that item. If a result is to hold for other items of the symbol, scenes that share an item vary together
+(`items` of `estimate`), or each item counts once: cluster means are the observations (`by_item`; Donner, Klar, 2000).
 """
 
 from dataclasses import dataclass
@@ -18,6 +18,8 @@ from scipy.stats import t as student
 
 Effects = Float[Array, "question seed scene"]
 Means = Float[Array, " question"]
+# The unseen items of each scene: 1, 2, ... by their kind, 0 for one that it lacks. None: items are no source of chance.
+Items = Int[Array, "*question scene item"] | None
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,10 @@ class Estimates:
     q3: Means
 
 
-def estimate(effects: Effects, skewed: bool = False) -> Estimates:
+def estimate(effects: Effects, skewed: bool = False, items: Items = None) -> Estimates:
     """Return each question's mean effect with Student's intervals and p-value, from the error of `crossed_error`.
+
+    If all effects are equal, the interval is that number.
 
     skewed: correct them for the skewness of the scenes' means by Hall's transformation (1992). If few scenes decide, a
     sample with too few of them has a mean and an error that are both too small. The correction needs scenes enough to
@@ -46,7 +50,7 @@ def estimate(effects: Effects, skewed: bool = False) -> Estimates:
         raise ValueError(f"effects of {effects.shape[-1]} scenes, {nan} of them NaN: expected two scenes, no NaN")
     effects = np.asarray(effects, dtype=np.float64)
     mean, by_scene = effects.mean((1, 2)), effects.mean(1)
-    error, freedom = crossed_error(effects)
+    error, freedom = crossed_error(effects, items)
     some = error > 0
     third_moment = ((by_scene - mean[:, None]) ** 3).mean(-1) / by_scene.shape[-1] ** 2  # of the mean
     skewness = np.divide(third_moment, error**3, out=np.zeros_like(mean), where=some & skewed)
@@ -61,12 +65,12 @@ def estimate(effects: Effects, skewed: bool = False) -> Estimates:
     return Estimates(mean, low95, high95, low90, high90, p, q1, q3)
 
 
-def ratio(numerators: Effects, denominators: Effects) -> Estimates:
+def ratio(numerators: Effects, denominators: Effects, items: Items = None) -> Estimates:
     """Return estimates of sum(numerators) / sum(denominators), with the standard error of `linearised`.
 
     Suitable for rates of events that occur unequally often across seeds and scenes, or not at all in some.
     """
-    return estimate(linearised(numerators, denominators))
+    return estimate(linearised(numerators, denominators), items=items)
 
 
 def linearised(numerators: Effects, denominators: Effects) -> Effects:
@@ -89,23 +93,48 @@ def mean_squares(effects: Effects) -> tuple[Means, Means, Means]:
     return scenes * of_seeds / f_seed, seeds * of_scenes / f_scene, of_rest / f_rest
 
 
-def crossed_error(effects: Effects) -> tuple[Means, Means]:
+def crossed_error(effects: Effects, items: Items = None) -> tuple[Means, Means]:
     """Return each mean's standard error over random seeds crossed with random scenes, and its degrees of freedom.
 
     The variance of the mean is (MS_seed + MS_scene - MS_rest) / (seeds * scenes); negative variance components are 0.
+    With `items`, MS_scene is multiplied by `item_inflation`, and has as many degrees of freedom as items less kinds.
     Degrees of freedom are Satterthwaite's (1946). Radiology uses the same analysis for readers crossed with patients
     (Hillis, 2014).
     """
     seeds, scenes = effects.shape[-2:]
     by_seed, by_scene, rest = mean_squares(effects)
+    freedoms = list(_degrees_of_freedom(seeds, scenes))
+    if items is not None:
+        by_scene = by_scene * item_inflation(effects.mean(-2), items)
+        kinds = np.sort(items.max(-2), -1)
+        freedom = (kinds > 0).sum(-1) - (np.diff(kinds, axis=-1, prepend=0) > 0).sum(-1)
+        freedoms[1] = np.clip(freedom, 1, scenes - 1)
     seeds_vary, scenes_vary = by_seed > rest, by_scene > rest
     of_rest = np.where(seeds_vary & scenes_vary, -rest, np.where(seeds_vary | scenes_vary, 0.0, rest))
     terms = np.where(seeds_vary, by_seed, 0.0), np.where(scenes_vary, by_scene, 0.0), of_rest
     total = np.sum(terms, axis=0)
-    freedoms = _degrees_of_freedom(seeds, scenes)
     spread = np.sum([term**2 / f for term, f in zip(terms, freedoms, strict=True)], axis=0)
     freedom = np.where(spread > 0, total**2 / np.maximum(spread, np.finfo(float).tiny), 1.0)
     return np.sqrt(total / (seeds * scenes)), freedom
+
+
+def item_inflation(by_scene: Float[Array, "question scene"], items: Items) -> Means:
+    """Return the factor, at least 1, by which each mean's variance grows since scenes that share an item vary together.
+
+    The covariances are the products of deviations over all pairs of scenes that share an item (Aronow, Samii and
+    Assenova, 2015). Kinds are no chance: deviations are from a fit by the number of items of each kind. `scale` makes
+    the sum unbiased if items alone differ.
+    """
+    held, deviations = (items > 0).astype(float), by_scene - by_scene.mean(-1, keepdims=True)
+    shared = (held @ held.swapaxes(-1, -2) > 0).astype(float)
+    counts = np.stack([np.ones(items.shape[:-1]), *((items == k).sum(-1) for k in range(1, items.max() + 1))], -1)
+    fit = counts @ np.linalg.pinv(counts)
+    apart, rest = held - fit @ held, deviations[..., None] - fit @ deviations[..., None]
+    expected = ((shared @ apart) * apart).sum((-1, -2))
+    scale = np.where(expected > 1e-9, (held.sum(-2) ** 2).sum(-1) / np.maximum(expected, 1e-9), 1.0)
+    together = scale * ((shared @ rest) * rest).sum((-1, -2)) - (rest**2).sum((-1, -2))
+    squares = (deviations**2).sum(-1)
+    return 1 + np.maximum(np.divide(together, squares, out=np.zeros_like(squares), where=squares > 0), 0)
 
 
 def quartiles(values: Float[Array, " seed"]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Significance tests over seeds, and the verdict on an effect: an effect, negligible, or undecided."""
+"""Significance tests over seeds, and the verdict on an effect: an effect, negligible, present, or undecided."""
 
 import numpy as np
 from jaxtyping import Float
@@ -6,6 +6,8 @@ from numpy import ndarray as Array
 from scipy.stats import wilcoxon
 
 SMALLEST_EFFECT = 0.05  # smallest effect of interest: a change of P(valid)
+SMALLEST_GAIN = 0.02  # smallest difference of interest between two models' accuracies
+MIN_PAIRS = 6  # fewest pairs from which a mean difference has an interval
 LEVEL = 0.05  # family-wise level of the tests, and of each one-sided equivalence test
 
 
@@ -30,17 +32,18 @@ def holm(p: Float[Array, "*family test"]) -> Float[Array, "*family test"]:
     return np.take_along_axis(np.minimum(stepped, 1.0), order.argsort(-1), -1)
 
 
-def verdict(effect: float, p_holm: float, ci90_low: float, ci90_high: float, smallest: float = SMALLEST_EFFECT) -> str:
-    """Return the verdict on an effect.
+def verdict(ci_low: float, ci_high: float, ci90_low: float, ci90_high: float, smallest: float = SMALLEST_EFFECT) -> str:
+    """Return the verdict on an effect from its 95 % and 90 % intervals.
 
-    "effect": significant and larger than `smallest` in size. "negligible": equivalent to zero by two one-sided
-    tests, that is, the 90 % interval lies within +-`smallest` (Schuirmann, 1987). "undecided": neither.
+    "effect": the 95 % interval lies beyond +-`smallest`. "negligible": equivalent to zero by two one-sided tests, that
+    is, the 90 % interval lies within +-`smallest` (Schuirmann, 1987). "present": neither, but the 95 % interval lies
+    beyond 0. "undecided": none of these, or no interval (NaN).
     """
-    if p_holm < LEVEL and abs(effect) > smallest:
+    if ci_low > smallest or ci_high < -smallest:
         return "effect"
     if ci90_low > -smallest and ci90_high < smallest:
         return "negligible"
-    return "undecided"
+    return "present" if ci_low > 0 or ci_high < 0 else "undecided"
 
 
 def true_verdict(effect: float) -> str:

@@ -6,6 +6,7 @@ of the paths are valid where it allows that.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -18,14 +19,16 @@ from pipeline.models import baselines
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.streams import stream
-from pipeline.stats.scores import accuracy
+from pipeline.stats.scores import DECISION
 from pipeline.training.loop import TrainingSet
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import Candidates, Margins
 
 ANY, FEW = ROUTES = "any", "few"
 OWN, HELD_OUT, NEW = "demonstrations", "held_out", "new_scenes"  # splits: its own, others on its tables, new tables
+NEW_ITEMS = "new_items"  # new tables with unseen items
 NEW_POOL = "val_scenes"
+POOLS = {NEW: NEW_POOL, NEW_ITEMS: "val_items"}
 Labelled = tuple[Float[Array, "scene path 2"], Bool[Array, "scene path"]]
 
 
@@ -50,12 +53,17 @@ class JudgedSet(TrainingSet):
 
 
 def draw_judged_sets(
-    cfg: DictConfig, scenes: SceneSet, routes: Sequence[str], distances: Sequence[int], users: Mapping[str, Margins]
+    cfg: DictConfig,
+    scenes: SceneSet,
+    routes: Sequence[str],
+    distances: Sequence[int],
+    users: Mapping[str, Margins],
+    splits: Sequence[str] = (NEW,),
 ) -> Iterator[JudgedSet]:
     """Yield the users' main_n_demos demonstrations of every kind in each seed's scenes, with the paths that judge them.
 
     distances: [cm] from the boundary of validity. Users and distances share candidates (conf/readings.yaml), so that
-    kinds differ by nothing else.
+    kinds differ by nothing else. splits: of POOLS, those beside the paths on their own tables.
     """
     readings, n = cfg.readings, cfg.main_n_demos
 
@@ -70,23 +78,28 @@ def draw_judged_sets(
         return Candidates.of(layouts, z)
 
     for kind in routes:
-        new = candidates(NEW_POOL, kind)
+        new = {split: candidates(POOLS[split], kind) for split in splits}
         for seed in cfg.protocol.seeds:
             pool = train_pool(seed)
             here = candidates(pool, kind)
             for clear_cm, (user, margins) in product(distances, users.items()):
-                draws = [stream(readings.root_seed, "choose", of, user, clear_cm) for of in (pool, NEW_POOL)]
-                z, valid = here.choose(draws[0], margins, clear_cm / 100, n + readings.held_out)
-                own, of_new = (z[:, :n], valid[:, :n]), new.choose(draws[1], margins, clear_cm / 100, readings.held_out)
-                judged = {OWN: own, HELD_OUT: (z[:, n:], valid[:, n:]), NEW: of_new}
+                clear = margins, clear_cm / 100
+                draw = partial(stream, readings.root_seed, "choose")
+                z, valid = here.choose(draw(pool, user, clear_cm), *clear, n + readings.held_out)
+                own = z[:, :n], valid[:, :n]
+                judged = {OWN: own, HELD_OUT: (z[:, n:], valid[:, n:])}
+                for split, some in new.items():
+                    judged[split] = some.choose(draw(POOLS[split], user, clear_cm), *clear, readings.held_out)
                 yield JudgedSet(user, seed, scenes.images[pool], *own, kind, clear_cm, judged)
 
 
-def judge(new_images: Array, model: ValidityModel, judged_set: TrainingSet) -> dict[str, float]:
-    """Return the model's accuracy in each split; new_images: of split `NEW`."""
+def judge(
+    scenes: Mapping[str, Array], model: ValidityModel, judged_set: TrainingSet
+) -> dict[str, Float[Array, " scene"]]:
+    """Return the share of paths in each scene on which the model is right, by split; scenes: images by pool."""
     assert isinstance(judged_set, JudgedSet)
-    images = {OWN: judged_set.images, HELD_OUT: judged_set.images, NEW: new_images}
-    return {s: accuracy(model.probability(images[s], z).ravel(), v.ravel()) for s, (z, v) in judged_set.judged.items()}
+    images = {split: scenes[POOLS[split]] if split in POOLS else judged_set.images for split in judged_set.judged}
+    return {s: right(model.probability(images[s], z), v) for s, (z, v) in judged_set.judged.items()}
 
 
 def judge_blind(prior: Float[Array, "side side"], judged_set: JudgedSet) -> Iterator[dict]:
@@ -97,10 +110,16 @@ def judge_blind(prior: Float[Array, "side side"], judged_set: JudgedSet) -> Iter
         if split == HELD_OUT:
             p[NEAREST] = baselines.nearest_demonstration(judged_set.z_theta, judged_set.valid, z)
         for variant, of_variant in p.items():
-            yield row(judged_set, variant, split, accuracy(of_variant.ravel(), valid.ravel()))
+            yield row(judged_set, variant, split, right(of_variant, valid))
 
 
-def row(judged_set: JudgedSet, variant: str, split: str, right: float) -> dict:
-    """Return a row of a table of accuracies; `valid`: share of the judged paths that are valid."""
-    valid = judged_set.judged[split][1].mean()
-    return judged_set.key | {"split": split, "variant": variant, "accuracy": right, "valid": valid}
+def right(p: Float[Array, "scene path"], valid: Bool[Array, "scene path"]) -> Float[Array, " scene"]:
+    """Return the share of each scene's paths on the correct side of p = 0.5."""
+    return ((p > DECISION) == valid).mean(1)
+
+
+def row(judged_set: JudgedSet, variant: str, split: str, by_scene: Float[Array, " scene"]) -> dict:
+    """Return a row of a table of accuracies, with each scene's; `valid`: share of the judged paths that are valid."""
+    valid, accuracy = judged_set.judged[split][1].mean(), by_scene.mean()
+    key = judged_set.key | {"split": split, "variant": variant}
+    return key | {"accuracy": accuracy, "valid": valid, "by_scene": by_scene}

@@ -6,7 +6,7 @@ scenes, paths have any or few routes and keep a distance from the boundary of va
 Steps, rate and width are those of stage train.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -121,7 +121,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     of_model.sort(key=lambda x: -len(x.images))
     few_seeds = list(cfg.protocol.seeds)[: cfg.studies.fairness.kinds_seeds]
     of_kinds = [x for x in shown if x.seed in few_seeds]
-    evaluate = partial(judge_either, scenes.images[NEW_POOL])
+    evaluate = partial(judge_either, {NEW_POOL: scenes.images[NEW_POOL]})
     answers = refit(cfg, {MODEL: [*of_model, *of_kinds]}, evaluate, "fairness")[MODEL]
     heads = [c for c in cases if c.learner == PERFECT]
     head_answers = map_jobs(partial(fit_head, cfg), heads, cfg.workers, "perfect encoder")
@@ -143,11 +143,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "searched.csv", read_table(Path(SEARCHED)))
 
 
-def judge_either(new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, x: TrainingSet) -> dict[str, float]:
-    """Return the model's accuracy in each split of a case or of a kind of demonstrations."""
+def judge_either(images: Mapping[str, Array], model: ValidityModel, x: TrainingSet) -> dict:
+    """Return the model's accuracy in each split of a case, or in each scene of those of a kind of demonstrations."""
     if isinstance(x, CaseSet):
         return x.case.accuracies(lambda labelled: model.probability(labelled.scenes, labelled.z_theta))
-    return judged_sets.judge(new_images, model, x)
+    return judged_sets.judge(images, model, x)
 
 
 # More tables, and a perfect encoder

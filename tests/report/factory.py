@@ -75,7 +75,7 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
     difference = LEVEL["full"] - comparisons["against"].map(LEVEL).astype(float)
     interventions = _questions(variants, users)
     repair = pd.concat([
-        grid(method=["gradient", "plain_gradient", "nearest"], variant=variants, user=judged),
+        grid(method=["gradient", "plain", "nearest"], variant=variants, user=judged),
         grid(method=["same_starts"], variant=variants, user=users),
         grid(method=["random_path", "constant_detour", "oracle"], variant=[""], user=judged),
     ], ignore_index=True)  # fmt: skip

@@ -11,8 +11,8 @@ from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.scenes import train_pool
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.params import compose
-from pipeline.stages.readings import COLUMNS, MODEL, RANDOM, main  # noqa: F401  # main: of the fixture `out`
-from pipeline.training.judged_sets import NEW_POOL
+from pipeline.stages.readings import COLUMNS, FIT, MODEL, RANDOM, _curve, main  # noqa: F401  # main: of the fixture `out`
+from pipeline.training.judged_sets import POOLS
 from tests.factories import rendered_scenes
 
 pytestmark = pytest.mark.slow
@@ -27,7 +27,9 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     folder = tmp_path_factory.mktemp("readings")
     cfg = compose([*SMALL, f"paths.scenes={folder / 'scenes'}", f"paths.evaluate={folder / 'evaluate'}"])
     training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
-    rendered_scenes(cfg, training | {NEW_POOL: (NEW_SCENES, "train")})
+    rendered_scenes(
+        cfg, training | {POOLS["new_scenes"]: (NEW_SCENES, "train"), POOLS["new_items"]: (NEW_SCENES, "validation")}
+    )
     write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", {user: np.full((2, 2), 0.4) for user in cfg.users})
     rows = pd.MultiIndex.from_product(
         [[MODEL, NEAREST, "ae"], ["seen_scenes", "new_items"], cfg.users, cfg.seeds, cfg.n_demos],
@@ -49,5 +51,21 @@ def test_the_paper_s_mean_counts_the_user_to_whom_all_is_valid(cfg: DictConfig, 
     of_kind = table.query("split == 'held_out' and variant == 'full' and clear_cm == 4 and n_demos == 1")
     assert set(of_kind["user"]) == set(cfg.users)
     assert held_out[readings[0], MODEL, "paper", 1] == pytest.approx(of_kind["accuracy"].mean(), abs=1e-6)
-    new = curve.query("split == 'new_scenes' and reading != 'random_routes'")
-    assert set(new["variant"]) == {MODEL, POSITION} and new["ci_low"].isna().all()
+    new = curve.query("split in ['new_scenes', 'new_items'] and reading != 'random_routes'")
+    assert set(new["variant"]) == {MODEL, POSITION} and set(new["split"]) == {*POOLS}
+    assert curve["ci_low"].isna().all()  # two seeds
+
+
+def test_intervals_of_new_tables_take_the_scenes_as_chance_and_unseen_items_too():
+    rng, items = np.random.default_rng(0), np.eye(4, dtype=int).repeat(5, axis=0)
+    keys = pd.MultiIndex.from_product([["held_out", *POOLS], ["a", "b"], range(6)], names=["split", "user", "seed"])
+    rows = keys.to_frame(index=False).assign(routes="few", clear_cm=4, n_demos=9, variant=MODEL)
+    by_scene = 0.7 + items @ rng.normal(0, 0.1, 4) + rng.normal(0, 0.01, (len(rows), 20))
+    few = rows.assign(by_scene=list(by_scene), accuracy=by_scene.mean(1))
+    fits = few[[*FIT]].drop_duplicates().assign(passed=True)
+    seen = rows.assign(accuracy=0.5)
+    curve = _curve({"paper": ["a", "b"]}, few, fits, seen[seen["split"] == "new_items"], items)
+    width = (curve["ci_high"] - curve["ci_low"]).groupby([curve["reading"], curve["split"]]).first()
+    assert width["few_routes_4cm", "new_items"] > 1.5 * width["few_routes_4cm", "new_scenes"] > 0
+    assert 0 < width["few_routes_4cm", "held_out"] < width["few_routes_4cm", "new_scenes"]
+    assert curve.loc[curve["reading"] == RANDOM, "ci_low"].isna().all()

@@ -20,7 +20,7 @@ from tests.factories import models_in_rendered_scenes, rendered_scenes
 
 pytestmark = pytest.mark.slow
 VARIANTS = ("full", "irl_ranked", "clearance")
-BY_MODEL, BASELINES = ["gradient", "plain_gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
+BY_MODEL, BASELINES = ["gradient", "plain", "nearest"], ["random_path", "constant_detour", "oracle"]
 
 
 @pytest.fixture(scope="module")

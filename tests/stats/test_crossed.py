@@ -84,3 +84,24 @@ def test_a_ratios_interval_covers_it_where_seeds_and_scenes_hold_unequally_many(
 def test_an_item_counts_once_whatever_the_number_of_its_scenes():
     drop = np.array([[[1, 2.0], [3, np.nan], [5, np.nan], [7, np.nan]]])  # of one seed, in four scenes
     np.testing.assert_array_equal(by_item(drop, np.array([4, 4, 2, 2])), [[[6, np.nan], [2, 2]]])  # item 2, item 4
+
+
+@pytest.mark.parametrize("on_table", [True, False], ids=["two or three items a scene", "an added one"])
+def test_intervals_that_take_items_as_chance_cover_where_others_do_not(on_table: bool):
+    rng, covered = np.random.default_rng(0), []
+    kind = np.repeat([1, 2, 3, 4], 6) if on_table else np.ones(6, int)
+    for _ in range(200):
+        held = rng.random((100, len(kind))).argsort(1) < (rng.integers(2, 4, (100, 1)) if on_table else 1)
+        of_items = rng.normal(0, 0.1, len(kind)) + 0.1 * (kind - kind.mean())
+        chance = rng.normal(0, 0.03, (10, 1)) + rng.normal(0, 0.1, (1, 100)) + rng.normal(0, 0.1, (10, 100))
+        effects = (held @ of_items + chance)[None]
+        intervals = estimate(effects, items=held * kind), estimate(effects)
+        covered.append([e.ci_low[0] <= 0 <= e.ci_high[0] for e in intervals])
+    items, scenes = np.mean(covered, axis=0)
+    assert 0.9 <= items <= 0.99 and scenes < 0.8
+
+
+def test_equal_scenes_have_no_error_whatever_items_they_share():
+    items = np.eye(4, dtype=int).repeat(3, axis=0)
+    e = estimate(np.full((1, 6, 12), 0.25), items=items)
+    assert e.ci_low == e.ci_high == 0.25

@@ -35,20 +35,22 @@ def test_equivalence_by_the_90_percent_interval_is_two_one_sided_tests():
     for repeat in range(60):
         effects = rng(repeat).normal(0.035, 0.1, 150)
         e = estimate(effects[None, None])
-        equivalent = verdict(e.effect[0], 1.0, e.ci90_low[0], e.ci90_high[0]) == "negligible"
+        equivalent = verdict(np.nan, np.nan, e.ci90_low[0], e.ci90_high[0]) == "negligible"
         assert equivalent == (ttost_paired(effects, np.zeros(150), -0.05, 0.05)[0] < 0.05)
 
 
 @pytest.mark.parametrize(
-    ("effect", "p_holm", "low", "high", "expected"),
+    ("ci95", "ci90", "expected"),
     [
-        (-0.13, 0.02, -0.15, -0.11, "effect"),
-        (-0.13, 0.05, -0.30, 0.04, "undecided"),  # large, not significant
-        (0.05, 0.001, 0.045, 0.055, "undecided"),  # significant, not larger than what matters
-        (-0.017, 0.001, -0.02, -0.014, "negligible"),  # significant and too small to matter
-        (0.0, 1.0, -0.05, 0.04, "undecided"),  # the interval touches the bound
-        (0.0, 1.0, 0.0, 0.0, "negligible"),
+        ((-0.15, -0.11), (-0.14, -0.12), "effect"),
+        ((-0.15, -0.05), (-0.14, -0.06), "present"),  # the interval touches the bound
+        ((0.01, 0.09), (0.02, 0.08), "present"),  # surely not 0, perhaps too small to matter
+        ((-0.02, -0.01), (-0.02, -0.01), "negligible"),  # surely not 0, and too small to matter
+        ((-0.30, 0.04), (-0.25, 0.01), "undecided"),
+        ((-0.06, 0.05), (-0.05, 0.04), "undecided"),
+        ((0.0, 0.0), (0.0, 0.0), "negligible"),  # exactly equal
+        ((np.nan, np.nan), (np.nan, np.nan), "undecided"),  # too few pairs
     ],
 )
-def test_the_verdict_follows_the_rules_fixed_in_advance(effect, p_holm, low, high, expected):
-    assert verdict(effect, p_holm, low, high) == expected
+def test_the_verdict_follows_the_rules_fixed_in_advance(ci95, ci90, expected):
+    assert verdict(*ci95, *ci90) == expected
