@@ -110,7 +110,13 @@ def _from_params(main: Main, stage: str) -> None:
     parser.add_argument("overrides", nargs="*", metavar="parameter=value")
     given = parser.parse_intermixed_args()
     cfg = load(given.params, given.overrides)
-    out_dir = _begin(cfg, stage, main)
+    try:
+        out_dir = _begin(cfg, stage, main)
+    except InputError as error:
+        if "DVC_EXP_NAME" not in os.environ:
+            raise
+        restore = f"`git checkout outputs && dvc checkout {os.environ['DVC_STAGE']}`"
+        raise InputError(f"{error}; DVC had removed the stage's outputs: {restore} restores them") from error
     all_seeds = "null, since DVC keeps the files of all seeds; for one, leave --params out"
     need(cfg.seed is None, "seed", cfg.seed, all_seeds)
     out_dir.mkdir(parents=True, exist_ok=True)
