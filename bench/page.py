@@ -55,19 +55,19 @@ UNITS = {"n_demos": "demonstrations a scene", "scenes": "training scenes", "mode
 
 def main(benchmarks: Path, repro: Path) -> None:
     """Write all files from the benchmarks' json and, if it exists, bench.repro's."""
-    measured = json.loads(benchmarks.read_text())
+    measured = json.loads(benchmarks.read_text(encoding="utf-8"))
     growth: dict = {}
-    commands = json.loads(repro.read_text()) if repro.is_file() else {}
+    commands = json.loads(repro.read_text(encoding="utf-8")) if repro.is_file() else {}
     results = {"machine": machine(measured["machine_info"]), "growth": growth, "commands": commands}
     for run in measured["benchmarks"]:
         results |= run["extra_info"].get("results", {})
         growth |= run["extra_info"].get("growth", {})
     rounded = json.loads(json.dumps(results), parse_float=lambda text: float(f"{float(text):.4g}"))
-    (HERE / "results.json").write_text(json.dumps(rounded, indent=2, sort_keys=True) + "\n")
+    (HERE / "results.json").write_text(json.dumps(rounded, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     _growth(growth).savefig(HERE / "growth.svg")
     if stages := {k: v for name in ("repro", "studies") for k, v in commands.get(name, {}).get("stages", {}).items()}:
         _stages(stages).savefig(HERE / "repro.svg")
-    (HERE / "README.md").write_text(page(results))
+    (HERE / "README.md").write_text(page(results), encoding="utf-8")
 
 
 def scaling(results: dict) -> list[dict[str, float]]:
@@ -104,7 +104,7 @@ def page(results: dict) -> str:
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
     environment.filters |= {"number": _number, "reached": _reached}
-    template = environment.from_string((HERE / "page.md.j2").read_text())
+    template = environment.from_string((HERE / "page.md.j2").read_text(encoding="utf-8"))
     known = "repro" in results["commands"] and "sweep_job_s_ray" in results
     grid = scaling(results) if known else []
     return template.render(results=results, aims=AIMS, ways=WAYS, commands=COMMANDS, grid=grid, settings=SETTINGS)

@@ -147,5 +147,5 @@ def _growth(way: str, variant: str) -> float:
 
 def _high_water() -> int:
     """Return the peak memory [bytes] of this process; getrusage would count the parent's before the fork."""
-    status = Path("/proc/self/status").read_text()
+    status = Path("/proc/self/status").read_text(encoding="utf-8")
     return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM")) * 1024

@@ -42,15 +42,15 @@ def measure(out: Path, clone: Path, names: Sequence[str]) -> None:
         names = ["environment", *(name for name in names if name != "environment")]
     commit = git(clone, "describe", "--always", "--dirty").strip()
     for name in names:
-        results = json.loads(out.read_text()) if out.is_file() else {}
+        results = json.loads(out.read_text(encoding="utf-8")) if out.is_file() else {}
         results[name] = run(clone, COMMANDS[name]) | {"commit": commit}
-        out.write_text(json.dumps(results, indent=2) + "\n")
+        out.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
 
 
 def run(clone: Path, command: str) -> dict:
     """Run a command; return its minutes, those of its stages, and the peak memory of its processes [GiB]."""
     start = time.perf_counter()
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "encoding": "utf-8"}
     process = subprocess.Popen(shlex.split(command), cwd=clone, env=environment(), **pipes)
     peak = [0.0]
     threading.Thread(target=_watch, args=(psutil.Process(process.pid), peak), daemon=True).start()

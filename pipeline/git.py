@@ -9,30 +9,24 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from functools import cache
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from pipeline.runtime.errors import InputError
+from pipeline.runtime.errors import InputError, replace_unprintable
 
 
 @cache
 def _local_variables() -> tuple[str, ...]:
     """Return the variables by which git names one repository, as git lists them."""
-    listed = subprocess.run(["git", "rev-parse", "--local-env-vars"], capture_output=True, text=True, check=True)
+    listed = subprocess.run(["git", "rev-parse", "--local-env-vars"], capture_output=True, encoding="utf-8", check=True)
     return tuple(listed.stdout.split())
 
 
 def forget_repository() -> None:
-    """Remove the variables that name a repository from this process: for commands that git may have started.
-
-    What the terminal's encoding lacks is printed as `?`.
-    """
+    """Remove the variables that name a repository from this process: for commands that git may have started."""
     for name in _local_variables():
         os.environ.pop(name, None)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="replace")
+    replace_unprintable()
 
 
 def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:

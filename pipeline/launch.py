@@ -18,7 +18,7 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, OmegaConfBaseException
 
-from pipeline.runtime.errors import InputError
+from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.instructions import disable_malloc_trim
 from pipeline.runtime.places import CONF, PARAMS, PROCESSORS
 from pipeline.runtime.settings import Shared, checked, need, need_one
@@ -36,17 +36,15 @@ def launch(main: Main, stage: str) -> None:
     Otherwise Hydra composes conf/, and the run writes to Hydra's output directory.
     """
     disable_malloc_trim()
-    try:
-        if "--params" in sys.argv:
-            _from_params(main, stage)
-        else:
-            _from_hydra(main, stage)
-    except KeyboardInterrupt:
-        print("error: interrupted", file=sys.stderr)
-        sys.exit(130)
-    except (InputError, OSError, yaml.YAMLError) as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(2)
+    with reported(OSError, yaml.YAMLError):
+        try:
+            if "--params" in sys.argv:
+                _from_params(main, stage)
+            else:
+                _from_hydra(main, stage)
+        except KeyboardInterrupt:
+            print("error: interrupted", file=sys.stderr)
+            sys.exit(130)
 
 
 def load(path: Path = PARAMS, overrides: Sequence[str] = ()) -> DictConfig:
@@ -112,7 +110,13 @@ def _from_params(main: Main, stage: str) -> None:
     parser.add_argument("overrides", nargs="*", metavar="parameter=value")
     given = parser.parse_intermixed_args()
     cfg = load(given.params, given.overrides)
-    out_dir = _begin(cfg, stage, main)
+    try:
+        out_dir = _begin(cfg, stage, main)
+    except InputError as error:
+        if "DVC_EXP_NAME" not in os.environ:
+            raise
+        restore = f"`git checkout outputs && dvc checkout {os.environ['DVC_STAGE']}`"
+        raise InputError(f"{error}; DVC had removed the stage's outputs: {restore} restores them") from error
     all_seeds = "null, since DVC keeps the files of all seeds; for one, leave --params out"
     need(cfg.seed is None, "seed", cfg.seed, all_seeds)
     out_dir.mkdir(parents=True, exist_ok=True)
@@ -120,16 +124,16 @@ def _from_params(main: Main, stage: str) -> None:
     if "DVC_STAGE" in os.environ:  # DVC's name, such as train@full
         known = {}
         with suppress(FileNotFoundError, ValueError):  # the first stage, or a merge left its marks in the file
-            known = json.loads(PROCESSORS.read_text())
+            known = json.loads(PROCESSORS.read_text(encoding="utf-8"))
         lines = json.dumps(known | {os.environ["DVC_STAGE"]: processor()}, indent=2, sort_keys=True) + "\n"
-        atomic_write(PROCESSORS, lambda part: part.write_text(lines))
+        atomic_write(PROCESSORS, lambda part: part.write_text(lines, encoding="utf-8"))
 
 
 def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
     """Return the processor's name, family and model as Linux gives them, and whether it has AVX-512."""
     if not cpuinfo.is_file():
         return f"{platform.machine()} {platform.processor()}".strip()
-    fields = dict(re.findall(r"(?m)^([^\t:]+)\t*: (.*)$", cpuinfo.read_text()))
+    fields = dict(re.findall(r"(?m)^([^\t:]+)\t*: (.*)$", cpuinfo.read_text(encoding="utf-8")))
     parts = [fields.get("model name", platform.machine())]
     parts += [f"{name.removeprefix('cpu ')} {fields[name]}" for name in ("cpu family", "model") if name in fields]
     return ", ".join([*parts, *(["AVX-512"] if "avx512f" in fields.get("flags", "") else [])])

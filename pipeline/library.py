@@ -83,7 +83,7 @@ def undisturbed() -> Iterator[None]:
         torch.device("cpu") if elsewhere else nullcontext(),
         torch.inference_mode(False),  # turns gradients on, too
         torch.autocast("cpu", enabled=False),
-        torch.random.fork_rng(range(torch.cuda.device_count()) if torch.cuda.is_initialized() else []),
+        torch.random.fork_rng(devices=[]),  # nothing here draws from a GPU's generator
         np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"),
         _pools.limit(limits=1),
         ExitStack() as caller,

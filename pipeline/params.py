@@ -25,7 +25,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.launch import FITTED, check, check_variant, explained
-from pipeline.runtime.errors import InputError
+from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import CONF, PARAMS, ROOT
 from pipeline.runtime.settings import Shared, need_one
 from pipeline.runtime.writing import atomic_write
@@ -91,15 +91,20 @@ def settings_of(study: str) -> Any:
 def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
     """Return a conf/composed.yaml with these overrides; its lists are those of `cfg`, or as they were.
 
-    Variants are the files of conf/variants that say whether they are `compared`, new ones last. Raises InputError for
-    an override that no file can hold.
+    Variants are the files of conf/variants, new ones last, but those in the defaults of others that lack `compared`.
+    Raises InputError for any other file that lacks it, and for an override that no file can hold.
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
     before = yaml.safe_load(COMPOSED.read_text(encoding="utf-8"))
-    files = sorted((CONF / "variants").glob("*.yaml"))
-    known = [path.stem for path in files if "\ncompared:" in path.read_text(encoding="utf-8")]
+    loaded = {path.stem: OmegaConf.load(path) for path in sorted((CONF / "variants").glob("*.yaml"))}
+    files = {name: file if isinstance(file, DictConfig) else OmegaConf.create() for name, file in loaded.items()}
+    parts = {str(part) for file in files.values() for part in file.get("defaults", [])}
+    known = [name for name, file in files.items() if "compared" in file or name not in parts]
+    if lacking := [name for name in known if "compared" not in files[name]]:
+        wanted = "add `compared: true` or `compared: false`, whether studies and recordings show it"
+        raise InputError(f"conf/variants/{lacking[0]}.yaml has no `compared`: {wanted}")
     entries = [next(iter(entry)) for entry in before["defaults"] if entry != "_self_"]
     listed = [key.partition(".")[2] for key in entries if key.startswith("variants@")]
     variants = [*(v for v in listed if v in known), *(v for v in known if v not in listed)]
@@ -147,7 +152,7 @@ def main(argv: list[str]) -> int:
             print(f"error: {stale[0].name} is not what conf/ composes: run `{command}", file=sys.stderr)
             return 1
         if given.out:
-            atomic_write(given.out, lambda part: part.write_text("params.yaml is what conf/ composes\n"))
+            atomic_write(given.out, lambda part: part.write_bytes(b"params.yaml is what conf/ composes\n"))
         return 0
     try:
         COMPOSED.write_text(kept(overrides), encoding="utf-8")
@@ -169,8 +174,5 @@ def main(argv: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    try:
+    with reported(OSError, yaml.YAMLError):
         sys.exit(main(sys.argv[1:]))
-    except InputError as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(2)

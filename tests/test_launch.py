@@ -57,6 +57,13 @@ def test_a_person_s_error_is_one_line_and_exit_code_2_and_a_defect_keeps_its_tra
         run(raising(ValueError), "scenes", *by_dvc)
 
 
+def test_an_experiment_that_is_refused_says_how_its_stage_s_outputs_come_back(run, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("DVC_STAGE", "scenes")
+    monkeypatch.setenv("DVC_EXP_NAME", "some-name")  # dvc exp run -S scenes.per_seed=-1
+    code, _, err = run(lambda cfg, out_dir: None, "scenes", *PARAMS, "scenes.per_seed=-1")
+    assert code == 2 and "`git checkout outputs && dvc checkout scenes` restores them" in err
+
+
 def test_a_sweep_goes_on_after_a_bad_value_names_it_and_fails(run, tmp_path: Path):
     rates = []
     sweep = ["--multirun", "train.rate=-1,0.5", f"hydra.sweep.dir={tmp_path}"]

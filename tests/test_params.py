@@ -62,6 +62,14 @@ def test_an_override_that_is_refused_leaves_all_as_it_was(own_conf: Path, given:
     assert (own_conf / "composed.yaml").read_text() == (CONF / "composed.yaml").read_text()
 
 
+@pytest.mark.parametrize("text", ["stage: train", "- stage", ""])
+def test_a_variant_that_does_not_say_whether_it_is_compared_is_refused(own_conf: Path, text: str):
+    (own_conf / "variants" / "mine.yaml").write_text(text)
+    for given in ([], ["--check"]):
+        with pytest.raises(InputError, match=r"conf/variants/mine\.yaml has no `compared`: add `compared: true` or"):
+            params.main(given)
+
+
 def test_an_edit_of_conf_or_of_params_yaml_is_found(own_conf: Path, capsys: pytest.CaptureFixture[str]):
     assert params.main([]) == 0
     text = Path("params.yaml").read_text()

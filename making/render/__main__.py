@@ -42,7 +42,7 @@ def main(split: str, seed: int, scenes: int, into: Path) -> None:
     from making.render.tops import FAMILIES
 
     kinds, _, with_interventions = SPLITS[split]
-    rules = LayoutRules.of(yaml.safe_load(Path("conf/scenes.yaml").read_text())["scenes"]["layout"])
+    rules = LayoutRules.of(yaml.safe_load(Path("conf/scenes.yaml").read_text(encoding="utf-8"))["scenes"]["layout"])
     designs = [design(stream(seed, split, "design", s, i), s, kinds) for s in SYMBOLS for i in range(DESIGNS)]
     columns = [(SYMBOLS.index(d.symbol), d.half_length, d.radius) for d in designs]
     items = Items(*map(np.array, zip(*columns, strict=True)))
@@ -79,7 +79,7 @@ def main(split: str, seed: int, scenes: int, into: Path) -> None:
         cv2.imwrite(str(into / f"{name}.png"), pixels[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
     pd.DataFrame(scene_rows).to_csv(into / "scenes.csv", index=False, lineterminator="\n")
     pd.DataFrame(item_rows).to_csv(into / "items.csv", index=False, lineterminator="\n")
-    (into / "SOURCE.md").write_text(_source(split, seed, scenes, bpy.app.version_string))
+    (into / "SOURCE.md").write_text(_source(split, seed, scenes, bpy.app.version_string), encoding="utf-8")
     shutil.rmtree(parts)
 
 

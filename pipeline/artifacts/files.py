@@ -24,7 +24,7 @@ def _need_file(path: Path) -> None:
 def data_version(folder: str) -> str:
     """Return the md5 of the data in `folder`, as DVC's file beside it names it; raise InputError if none does."""
     path = Path(f"{folder}.dvc")
-    digest = re.search(r"md5: (\w+)", path.read_text()) if path.is_file() else None
+    digest = re.search(r"md5: (\w+)", path.read_text(encoding="utf-8")) if path.is_file() else None
     if digest is None:
         raise InputError(f"{path} names no md5 of the data: get it with `git checkout {path}`")
     return digest[1]
@@ -54,7 +54,7 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame
 def write_json(path: Path, content: Mapping) -> None:
     """Write JSON with sorted keys; raise ValueError for NaN and infinity."""
     text = json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n"
-    atomic_write(path, lambda p: p.write_text(text))
+    atomic_write(path, lambda p: p.write_text(text, encoding="utf-8"))
 
 
 def read_json(path: Path) -> dict:

@@ -111,5 +111,5 @@ def untrained(kind: type[ValidityModel], shape: Mapping[str, Any], seed: int) ->
     Leaves torch's global generator unchanged.
     """
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
+        torch.default_generator.manual_seed(seed)
         return kind(**shape).eval()

@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping
 from itertools import product
@@ -21,7 +20,7 @@ from pipeline.report.derived import TABLE_2
 from pipeline.report.results import PAPER_ACCURACY, RANDOM_ROUTES
 from pipeline.report.style import COLOURS, label
 from pipeline.report.tables import FORMATS, HIDDEN, in_brackets, rows_of
-from pipeline.runtime.errors import InputError
+from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import ROOT
 from pipeline.runtime.writing import atomic_write
 
@@ -144,11 +143,11 @@ def write_pdf(figure: Path, out: Path) -> None:
     browser = shutil.which("chromium")
     if browser is None:
         raise InputError("chromium is missing: apt-get install chromium")
-    [size] = re.findall(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', figure.read_text())
+    [size] = re.findall(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', figure.read_text(encoding="utf-8"))
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
-        page.write_text(SHEET.format(*size, figure.resolve().as_uri()))
+        page.write_text(SHEET.format(*size, figure.resolve().as_uri()), encoding="utf-8")
         subprocess.run([browser, *CHROMIUM, f"--print-to-pdf={out}", page.as_uri()], check=True, capture_output=True)
 
 
@@ -161,8 +160,8 @@ def join(reports: Path, studies: Path) -> str:
     if not files or files[0].stem != "index":
         raise InputError(f"{reports / 'index.html'} is missing: run `make repro` first")
     ids = {file: file.stem if file.parent == reports else f"study-{file.parent.name}" for file in files}
-    head, body = re.split(r"<body>", files[0].read_text())
-    style = f"<style>\n{(reports / 'page.css').read_text()}</style>"
+    head, body = re.split(r"<body>", files[0].read_text(encoding="utf-8"))
+    style = f"<style>\n{(reports / 'page.css').read_text(encoding='utf-8')}</style>"
     nav = "".join(re.findall(r'<nav class="pages".*?</nav>', body, re.DOTALL)).replace(' aria-current="page"', "")
     skip = '<a class="skip" href="#main">Skip to the content</a>'
     head = re.sub(r'<link rel="stylesheet"[^>]*>', lambda _: style, head)
@@ -172,7 +171,7 @@ def join(reports: Path, studies: Path) -> str:
 
 def _article(file: Path, ids: Mapping[Path, str]) -> str:
     """Return a page as an article of the joined one: without its navigation, with ids of its own."""
-    own, body = ids[file], re.split(r"</?body>", file.read_text())[1]
+    own, body = ids[file], re.split(r"</?body>", file.read_text(encoding="utf-8"))[1]
     body = re.sub(r'<a class="skip".*?</a>|<nav class="pages".*?</nav>', "", body, flags=re.DOTALL)
     body = body.replace('<main id="main" tabindex="-1"', "<div").replace("</main>", "</div>")
     body = body.replace(' loading="lazy"', "").replace('"On this page"', f'"On the page {own}"')
@@ -220,7 +219,5 @@ def main(form: str) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m pipeline.report.exports", description=__doc__)
     parser.add_argument("form", choices=["readme", "tables", "figures", "site"])
-    try:
+    with reported():
         main(parser.parse_args().form)
-    except InputError as error:
-        sys.exit(f"error: {error}")

@@ -142,7 +142,7 @@ def write_files(site: Site, out_dir: Path) -> None:
     texts = {f"{name}.html": page for name, page in site.pages.items()}
     texts |= {f"figures/{name}.svg": figure for name, figure in site.figures.items()}
     for name, text in texts.items():
-        atomic_write(out_dir / name, lambda part, text=text: part.write_text(text))
+        atomic_write(out_dir / name, lambda part, text=text: part.write_text(text, encoding="utf-8"))
     for name, table in site.tables.items():
         write_table(out_dir / "tables" / f"{name}.csv", table.infer_objects())
 

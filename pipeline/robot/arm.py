@@ -47,7 +47,7 @@ def load_arm(posture: tuple[tuple[str, float], ...], still: tuple[tuple[str, flo
         limit.attrib.update({"lower": str(-TURN), "upper": str(TURN)})
     text = ElementTree.tostring(tree, encoding="unicode")
     model = pin.buildModelFromXML(text)
-    with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
+    with tempfile.NamedTemporaryFile("w", suffix=".urdf", encoding="utf-8") as file:
         file.write(text)
         file.flush()
         shapes = pin.buildGeomFromUrdf(model, file.name, pin.GeometryType.COLLISION)

@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.launch import load
 from pipeline.report.page import Site, environment, provenance, render_page, write_files, write_provenance
 from pipeline.report.study import Study
-from pipeline.runtime.errors import InputError
+from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import PARAMS
 
 HOME = "../../reports/"  # the paper's pages, seen from a study's folder
@@ -68,8 +68,5 @@ def render(study: Study, folder: Path) -> Site:
 
 
 if __name__ == "__main__":
-    try:
+    with reported():
         main(sys.argv[1:])
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)

@@ -90,7 +90,7 @@ def write_site(site: Site, out_dir: Path, facts: Mapping[str, Any]) -> None:
     """Write pages, page.css, figures, tables and provenance.json; remove figures and tables of an earlier run."""
     write_files(site, out_dir)
     write_provenance(site, out_dir, facts)
-    atomic_write(out_dir / "page.css", lambda part: part.write_text((FOLDER / "page.css").read_text()))
+    atomic_write(out_dir / "page.css", lambda part: part.write_bytes((FOLDER / "page.css").read_bytes()))
 
 
 def _sources(cfg: DictConfig) -> dict[str, Source]:

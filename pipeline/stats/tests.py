@@ -37,8 +37,11 @@ def verdict(ci_low: float, ci_high: float, ci90_low: float, ci90_high: float, sm
 
     "effect": the 95 % interval lies beyond +-`smallest`. "negligible": equivalent to zero by two one-sided tests, that
     is, the 90 % interval lies within +-`smallest` (Schuirmann, 1987). "present": neither, but the 95 % interval lies
-    beyond 0. "undecided": none of these, or no interval (NaN).
+    beyond 0. "undecided": none of these, no interval (NaN), or one of no width beside 0: without variance nothing is
+    known of chance.
     """
+    if ci_low == ci_high != 0:
+        return "undecided"
     if ci_low > smallest or ci_high < -smallest:
         return "effect"
     if ci90_low > -smallest and ci90_high < smallest:

@@ -119,7 +119,7 @@ def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Pat
     command = ["-m", "pipeline.sweep.stages", *sweep.record["targets"], "--overrides", "workers=1", *overrides]
     place: dict[str, Any] = {"cwd": clone, "env": environment(env), "start_new_session": True}
     is_child = os.getppid() == sweep.process
-    with (folder / "log.txt").open("w") as log:
+    with (folder / "log.txt").open("w", encoding="utf-8") as log:
         process = subprocess.Popen([sys.executable, *command], stdout=log, stderr=log, **place)
         while process.poll() is None:
             time.sleep(WATCH_S)

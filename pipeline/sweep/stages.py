@@ -21,7 +21,7 @@ from dvc.repo import Repo
 from filelock import FileLock, Timeout
 
 from pipeline.params import main as compose
-from pipeline.runtime.errors import InputError
+from pipeline.runtime.errors import reported
 
 POLL_S = 0.2  # between two looks at stages that other jobs are running
 
@@ -83,8 +83,6 @@ def end_with_parent() -> None:
 if __name__ == "__main__":
     Thread(target=end_with_parent, daemon=True).start()
     split = sys.argv.index("--overrides")
-    try:
+    with reported():
         compose(sys.argv[split + 1 :])
-    except InputError as error:
-        sys.exit(f"error: {' '.join(str(error).split())}")
     sys.exit(run_stages(sys.argv[1:split]))

@@ -19,7 +19,7 @@ import pandas as pd
 
 from pipeline.artifacts.files import read_table
 from pipeline.launch import load
-from pipeline.runtime.errors import InputError
+from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import PARAMS
 from pipeline.viewer.digest import digest
 
@@ -57,7 +57,7 @@ def check(kept: Path, runs: Path, run: str) -> None:
     """Raise InputError unless Rerun can read the recording and its digest matches recordings.csv."""
     path = find(kept, runs, run)
     verify = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
-    verified = subprocess.run(verify, capture_output=True, text=True)
+    verified = subprocess.run(verify, capture_output=True, encoding="utf-8", errors="replace")
     if verified.returncode:
         raise InputError(f"{path} is damaged: delete it and run `make repro`\n{verified.stderr.strip()}")
     expected = read_table(kept / "recordings.csv", COLUMNS).set_index("run")["sha256"].get(run)
@@ -110,8 +110,5 @@ def _main() -> int:
 
 
 if __name__ == "__main__":
-    try:
+    with reported():
         sys.exit(_main())
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)

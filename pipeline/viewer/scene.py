@@ -7,6 +7,7 @@ On the table a unit is a pixel of the image (1 cm); on a map over z_theta a unit
 the far left corner, with y towards the viewer, as in images. On a board a unit is a pixel.
 """
 
+import os
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -132,7 +133,12 @@ def classes() -> list[tuple[int, str, tuple[int, ...]]]:
 
 @contextmanager
 def recording_at(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
-    """Open a recording called `name` that is written to `path` with its blueprint, and close it afterwards."""
+    """Open a recording called `name` that is written to `path` with its blueprint, and close it afterwards.
+
+    Rerun's variables in the environment, such as RERUN=off, would turn it off, or send it elsewhere: they are removed.
+    """
+    for variable in [variable for variable in os.environ if variable.startswith(("RERUN", "_RERUN"))]:
+        del os.environ[variable]
     recording = rr.RecordingStream(APPLICATION, recording_id=name, send_properties=False)
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)

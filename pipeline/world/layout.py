@@ -35,7 +35,7 @@ class Symbol(Group):
 
 _FILE = Path(__file__).with_name("symbols.yaml")
 try:
-    _KINDS = TypeAdapter(dict[str, Symbol]).validate_python(yaml.safe_load(_FILE.read_text()))
+    _KINDS = TypeAdapter(dict[str, Symbol]).validate_python(yaml.safe_load(_FILE.read_text(encoding="utf-8")))
 except (yaml.YAMLError, ValidationError) as error:
     raise InputError(f"{_FILE}: {' '.join(str(error).split())}") from error
 SYMBOLS, APPEARANCES = tuple(_KINDS), tuple(_KINDS.values())  # layouts store a symbol as its position

@@ -248,7 +248,7 @@ def write_specification(path: Path, variant: str, learned: pd.DataFrame, plannin
         for row in planning.itertuples()
     ]
     text = HEADER.format(variant=variant) + "".join(lines) + yaml.safe_dump(content, sort_keys=True)
-    atomic_write(path, lambda part: part.write_text(text))
+    atomic_write(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 # Acceptance

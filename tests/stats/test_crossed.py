@@ -44,6 +44,12 @@ def test_the_error_behind_every_interval_is_that_of_the_mean_squares(constant: t
     assert freedom[0] == pytest.approx(total**2 / sum(square**2 / f for square, f in terms))
 
 
+@pytest.mark.parametrize("shape", [(1, 1, 2), (1, 1, 30), (1, 3, 30)])
+def test_effects_that_do_not_vary_are_no_evidence_against_chance(shape: tuple[int, ...]):
+    for effects in (np.full(shape, 0.3), np.full(shape, 0.1) + np.arange(shape[1])[:, None] * 1e-17):
+        assert estimate(effects).p == estimate(effects, skewed=True).p == 1
+
+
 REGIMES = [(0.03, 0.0), (0.0, 0.1), (0.03, 0.1), (0.01, 0.1)]  # standard deviations of seeds and of scenes
 
 

@@ -1,8 +1,12 @@
 """The views agree with the world about where items are."""
 
-import numpy as np
+from pathlib import Path
 
-from pipeline.viewer.scene import boundary, footprints, map_image, on_map, on_table
+import numpy as np
+import pytest
+import rerun.blueprint as rrb
+
+from pipeline.viewer.scene import boundary, footprints, log_table_edges, map_image, on_map, on_table, recording_at
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, point_segment_distance
 from tests.viewer.example import a_layout
@@ -16,6 +20,17 @@ def test_pixels_and_cells_lie_where_the_world_says() -> None:
     column, row = np.floor(on_map(lattice(side), side)).astype(int).T
     assert np.array_equal(map_image(values)[row, column], values.ravel())
     assert np.allclose(on_map(lattice(side), side) % 1, 0.5)
+
+
+@pytest.mark.parametrize("variable", ["RERUN=off", "RERUN=0", "_RERUN_TEST_FORCE_SAVE=elsewhere"])
+def test_a_recording_is_written_whatever_the_environment_tells_rerun(
+    variable: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(*variable.split("="))
+    with recording_at(tmp_path / "some.rrd", "some", rrb.Blueprint()) as recording:
+        log_table_edges(recording, "some", [(0, 1)])
+    assert [path.name for path in tmp_path.iterdir()] == ["some.rrd"]
 
 
 def test_an_outline_is_closed_and_one_radius_from_the_items_segment() -> None:

@@ -99,7 +99,7 @@ def _fit(objective, schedule, checkpoints, model, images, z_theta, valid, seed) 
 
     model.train()
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(int(rng.integers(2**62)))  # dropout uses torch's global generator
+        torch.default_generator.manual_seed(int(rng.integers(2**62)))  # dropout uses torch's global generator
         curve = minimise(loss, model.parameters(), schedule, partial(checkpoints.keep, [model], fit_rule))
     fit_acceptance_rule(model.eval(), appearances, z, valid)
     return curve.reshape(-1, len(CURVE))  # empty if the demonstrations allow no pair

@@ -11,6 +11,8 @@ Numba invalidates a cached function only when its own file changes: all compiled
 # An intrinsic's first argument is Numba's own; so are the names in its configuration.
 
 import inspect
+import os
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from llvmlite import ir
@@ -48,6 +50,19 @@ def compiled(*arguments, returns=types.void):
 def _bare(decorator):
     """Apply `decorator` to the function without the argument checks that tests wrap it in."""
     return lambda function: decorator(inspect.unwrap(function))
+
+
+def _cache() -> TemporaryDirectory | None:
+    """Let this process and its children cache in a folder of their own if they can write neither here nor at home."""
+    try:
+        _bare(njit(cache=True))(lanes_of)
+    except RuntimeError:
+        folder = TemporaryDirectory()
+        os.environ["NUMBA_CACHE_DIR"] = config.CACHE_DIR = folder.name
+        return folder  # removed with the process
+
+
+_FOLDER = _cache()
 
 
 inlined = _bare(njit(forceinline=True, error_model="numpy"))

@@ -2,6 +2,7 @@
 
 import copy
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -123,6 +124,22 @@ def test_a_model_is_the_same_bits_in_8_lanes_and_in_16(tmp_path):
     ]
     other = {"NUMBA_CPU_FEATURES": ",".join(narrow)} if LANES == 16 else wide
     assert in_another_process(**other, NUMBA_CACHE_DIR=str(tmp_path)) == f"{24 - LANES} {digest(stacked([3])[0][0])}"
+
+
+@pytest.mark.slow  # compiles the kernels
+@pytest.mark.skipif(os.getuid() != 0 or not shutil.which("setpriv"), reason="needs root and setpriv")
+def test_a_person_without_a_writable_home_trains_in_a_checkout_of_others(tmp_path):
+    """As an installation that an administrator made."""
+    other = ["setpriv", "--reuid=65534", "--clear-groups"]
+    place = {"HOME": "/proc", "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp_path)}
+    tmp_path.chmod(0o777)
+    for parent in tmp_path.parents[:2]:
+        parent.chmod(0o755)
+    code = "from pipeline.training.vae.engines import simd_kernels as k; print(k._FOLDER.name)"
+    env = {"PATH": os.environ["PATH"], **place}
+    ended = subprocess.run([*other, sys.executable, "-c", code], cwd="/", env=env, capture_output=True, text=True)
+    assert ended.stdout.startswith(str(tmp_path)), ended.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def in_another_process(**environment: str) -> str:
