@@ -51,7 +51,6 @@ def test_equivalence_by_the_90_percent_interval_is_two_one_sided_tests():
         ((0.0, 0.0), (0.0, 0.0), "negligible"),  # exactly equal
         ((np.nan, np.nan), (np.nan, np.nan), "undecided"),  # too few pairs
         ((0.3, 0.3), (0.3, 0.3), "undecided"),  # no variance
-        ((0.0, 0.0), (0.0, 0.0), "negligible"),  # exact equality
     ],
 )
 def test_the_verdict_follows_the_rules_fixed_in_advance(ci95, ci90, expected):
