@@ -98,7 +98,7 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
         "scores": scores.assign(ece=0.03, brier=0.12, bias=0.01, **ends).assign(
             auroc=scores["variant"].map(LEVEL).fillna(0.6)),
         "comparisons": comparisons.assign(
-            difference=difference, q1=difference - 0.01, q3=difference + 0.01, p_holm=0.03, verdict="undecided",
+            difference=difference, q1=difference - 0.01, q3=difference + 0.01, ci90_high=0.03, p_holm=0.03,
             significant=difference.abs() > 0.05),
         "repair": repair.assign(
             starts=SCENES * STARTS, displacement_ratio=1.3, accepted=model.where(model) * 0.9,
