@@ -140,7 +140,7 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     ),
     "spike of a slow recording": (
         lambda p: (shift(p, slice(5, 6), -0.45), scale_time(p, 10)),
-        "row 7: demonstration (breakfast, Ana, 0) leaves its path for one row, to (0.217",
+        "row 7: demonstration (breakfast, Ana, 0) leaves its path for one row, to (0.210165",
     ),
     "teleport of a slow recording": (
         lambda p: (shift(p, slice(5, 11), -0.9), scale_time(p, 10)),
