@@ -144,11 +144,13 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
             faults.append(f"{SETTINGS}: no corners of {scene}: add them, as for the other scenes")
         elif (canvas := _read_canvas(file, f"{SCENES}/{file.name}", corners, faults)) is not None:
             canvases[scene] = canvas
-    empty, bare = next((file for file in files.listed(path, *ENDINGS) if file.stem.lower() == "empty"), None), None
-    if empty is not None and by_scene:
-        faults.append(f"{empty.name} needs a fixed camera, and corners differ by scene: remove one of them")
-    elif empty is not None:
-        bare = _read_canvas(empty, empty.name, settings.corners_of(""), faults)
+    bare, named = None, [f for f in files.listed(path, *ENDINGS, *files.UNREAD) if f.stem.lower() == "empty"]
+    if len(named) > 1 or any(file.suffix.lower() in files.UNREAD for file in named):
+        faults.append(f"{', '.join(file.name for file in named)}: expected one empty.jpg or empty.png")
+    elif named and by_scene:
+        faults.append(f"{named[0].name} needs a fixed camera, and corners differ by scene: remove one of them")
+    elif named:
+        bare = _read_canvas(named[0], named[0].name, settings.corners_of(""), faults)
     if faults or samples is None:
         return None, faults
     frame = Frame.between(settings.side_m, settings.start, settings.goal)
@@ -219,7 +221,7 @@ def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -
 
 def _read_cutouts(path: Path, faults: Faults) -> dict[str, list[tuple[Array, float]]]:
     """Return each kind's cut-outs with the width of their pictures [m]; add a fault for a kind without one."""
-    folders = {normal(folder.name): folder for folder in sorted(path.glob(f"{KINDS}/*/"))}
+    folders = {normal(folder.name): folder for folder in sorted(path.glob(f"{KINDS}/[!.]*/"))}
     if not (path / CUTOUTS).is_file():
         if folders:
             faults.append(f"{CUTOUTS} is missing: expected the columns kind, file, width_m and a row for each cut-out")

@@ -64,6 +64,13 @@ def freeze(path: Path) -> None:
             edit(path, lambda t, row=row, c=column: t.assign(**{c: t[c].where(t.index != row - 2, t[c].iloc[3])}))
 
 
+def shift(path: Path, rows: slice, metres: float) -> None:
+    """Move rows of the first path in x."""
+    table = pd.read_csv(path / "demonstrations.csv", dtype={"user": str, "demo": str})
+    table.loc[table.index[:12][rows], "x"] += metres
+    table.to_csv(path / "demonstrations.csv", index=False)
+
+
 def scale_time(path: Path, factor: float) -> None:
     edit(path, lambda table: table.assign(t=table["t"].astype(float) * factor))
 
@@ -126,6 +133,34 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "drop-out": (
         lambda p: (change(p, 7, "x", "0"), change(p, 7, "y", "0"), scale_time(p, 0.2)),
         "row 7: demonstration (breakfast, Ana, 0) jumps by 0.6 m in 0.02 s",
+    ),
+    "drop-out of a slow recording": (
+        lambda p: (change(p, 4, "x", "0"), change(p, 4, "y", "0"), scale_time(p, 10)),
+        "row 4: demonstration (breakfast, Ana, 0) is at (0, 0), where lost samples are logged",
+    ),
+    "spike of a slow recording": (
+        lambda p: (shift(p, slice(5, 6), -0.45), scale_time(p, 10)),
+        "row 7: demonstration (breakfast, Ana, 0) leaves its path for one row, to (0.210165",
+    ),
+    "teleport of a slow recording": (
+        lambda p: (shift(p, slice(5, 11), -0.9), scale_time(p, 10)),
+        "row 7: demonstration (breakfast, Ana, 0) jumps by 0.8",
+    ),
+    "frozen tracker that jitters": (
+        lambda p: (freeze(p), shift(p, slice(4, 5), 2e-4)),
+        "row 9: demonstration (breakfast, Ana, 0) stands still for 4 rows and then jumps by 0.4",
+    ),
+    "picture of another format": (
+        text("scenes/new.HEIC", ""),
+        "scenes/new.HEIC is not read: expected a name that ends",
+    ),
+    "two empty tables": (
+        lambda p: [write_picture(p / name, draw_table()) for name in ("empty.jpg", "empty.png")],
+        "empty.jpg, empty.png: expected one empty.jpg or empty.png",
+    ),
+    "thousands": (
+        lambda p: text("demonstrations.csv", "scene;user;demo;t;x;y;valid\ntea;Ana;0;1.234,5;0,1;0,1;true\n")(p),
+        "row 2: t is '1.234,5': expected a number with a decimal point, and no other separator",
     ),
     "two recordings under one name": (
         lambda p: edit(p, lambda t: t.assign(demo=t["demo"].replace("3", "0"), valid="true").sort_values([*KEY, "t"])),
@@ -206,7 +241,7 @@ def test_all_faults_are_named_at_once_and_alike_rows_only_once(folder: Path, cap
     assert main(["check", "a", "b"]) == 2 and capfd.readouterr().err.startswith("error: ")
 
 
-@pytest.mark.parametrize(("separator", "first"), [(";", "sep=;\n"), ("\t", "")])
+@pytest.mark.parametrize(("separator", "first"), [(";", "sep=;\n"), (";", "sep=;;;;;;;\n"), ("\t", "")])
 def test_semicolons_tabs_and_decimal_commas_of_a_spreadsheet_are_read(folder: Path, separator: str, first: str):
     file = folder / "demonstrations.csv"
     pointed, _ = read_folder(folder)
@@ -226,6 +261,7 @@ def test_names_are_kept_whatever_they_look_like_and_accents_may_be_decomposed(fo
     edit(folder, lambda table: table.replace({"scene": {"tea": "010", "breakfast": "the\u0301"}, "user": users}))
     add_kind(folder)
     (folder / "kinds" / "cup" / "._blue.png").write_bytes(b"of the system")
+    (folder / "kinds" / ".Trashes").mkdir()
     write_picture(folder / "empty.png", draw_table())
     (folder / "empty.png").rename(folder / "Empty.PNG")
     made, faults = read_folder(folder)
