@@ -160,8 +160,8 @@ def paper_curve(results: Results) -> pd.DataFrame:
         held_out = table[(table["split"] == "held_out") & (table["reading"] == reading)]
         rows = pd.concat([held_out, paper_accuracy()], ignore_index=True)
         parts.append(rows.assign(place=f"Training tables, {label(reading)}"))
-    new = table[(table["split"] == "new_scenes") & (table["reading"] == first)]
-    return pd.concat([*parts, new.assign(place=f"New tables, {label(first)}")], ignore_index=True)
+    new = table[(table["split"] == "new_items") & (table["reading"] == first)]
+    return pd.concat([*parts, new.assign(place=f"New tables and items, {label(first)}")], ignore_index=True)
 
 
 def by_demonstrations(results: Results) -> pd.DataFrame:

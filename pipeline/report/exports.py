@@ -73,7 +73,7 @@ def curve(table: pd.DataFrame) -> str:
     rows = [[label("paper"), *(_spread(*PAPER_ACCURACY[n]) for n in ends)]]
     table = table[table["users"] == "paper"].set_index(["split", "reading", "variant", "n_demos"])[["mean", "q1", "q3"]]
     readings = sorted(dict.fromkeys(table.index.get_level_values("reading")), key=lambda name: name == RANDOM_ROUTES)
-    lines = {"held_out": ("full", "nearest_demonstration"), "new_scenes": ("full", "position_only")}
+    lines = {"held_out": ("full", "nearest_demonstration"), "new_items": ("full", "position_only")}
     for (split, variants), reading in product(lines.items(), readings):
         for variant in variants:
             keys = [(split, reading, variant, n) for n in ends]

@@ -82,7 +82,7 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
     success = repair["variant"].map(LEVEL).fillna(repair["method"].map({"constant_detour": 0.8}).fillna(0.5))
     repair = around(repair, success, "success_", q1=-0.02, q3=0.02, ci_low=-0.1, ci_high=0.02)
     model = repair["variant"] != ""
-    curve = grid(reading=READINGS, split=("held_out", "new_scenes"), variant=("full", *BLIND), n_demos=N_DEMOS)
+    curve = grid(reading=READINGS, split=("held_out", "new_items"), variant=("full", *BLIND), n_demos=N_DEMOS)
     curve = curve[(curve["split"] == "held_out") | (curve["variant"] != BLIND[0])]
     paper = (curve["reading"] != "random_routes") & (curve["split"] == "held_out")  # these are as in the paper
     mean = curve["n_demos"].map({n: mean for n, (mean, *_) in PAPER_ACCURACY.items()}).where(paper, 0.7)
