@@ -11,6 +11,7 @@ from pipeline.causal.interventions import NONE, PAPER, TRUTH
 from pipeline.report.results import PAPER_TABLE_1, PAPER_TABLE_2, Results, paper_accuracy
 from pipeline.report.style import label
 from pipeline.stats.tests import verdict
+from pipeline.world.bezier import curve
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import Margins, clearance, slack
 
@@ -28,6 +29,7 @@ TABLE_2["words"] = {
     "source": lambda name: {PAPER: "The paper, as printed", TRUTH: "Truth in our world"}.get(name) or label(name),
     "change": lambda name: "No intervention" if name == NONE else name.capitalize(),
 }
+POINTS = 65  # points along a path of which its length is the sum
 WORST = 5  # scenes shown, those with most errors
 
 
@@ -201,6 +203,15 @@ def table_1(results: Results) -> pd.DataFrame:
     """Return success of gradient repair by model and user, all users from the same starts, and the paper's."""
     paper = pd.DataFrame([{"variant": "paper", "user": user, "success": p} for user, p in PAPER_TABLE_1.items()])
     return pd.concat([paper[paper["user"].isin(results.users)], by_model(results).query("method == 'same_starts'")])
+
+
+def policy(results: Results) -> pd.DataFrame:
+    """Return the share of valid paths of highest return, and their mean length [m], by form of IRL and user."""
+    rows = results.table("repairs").query("method == 'policy'")
+    steps = np.diff(curve(rows[["z_x", "z_y"]].to_numpy(), POINTS), axis=1)
+    rows = rows.assign(length=np.linalg.norm(steps, axis=-1).sum(-1))
+    means = rows.groupby(["variant", "user"], sort=False)[["valid_end", "length"]].mean().reset_index()
+    return means.assign(valid_end=means["valid_end"].astype(float))
 
 
 def score(results: Results) -> pd.DataFrame:

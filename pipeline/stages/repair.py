@@ -57,10 +57,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     to_any = np.any([~valid(layouts, candidates, margins) for margins in cfg.users.values()], axis=0)
     starts = {user: Starts.of(user, margins, *given) for user, margins in cfg.users.items()}
     shared = {user: Starts.of(user, margins, *given, to_any) for user, margins in cfg.users.items()}
+    one_each = np.indices(candidates.shape[:2])[1] == 0
+    anywhere = {user: Starts.of(user, margins, *given, one_each) for user, margins in cfg.users.items()}
     if not to_any.any():
         raise InputError(f"no user has an invalid path among those drawn in {pool}: raise repair.starts")
     models = list(product(cfg.variants, cfg.users, cfg.protocol.seeds))
-    jobs = [(variant, seed, starts[user], shared[user]) for variant, user, seed in models]
+    jobs = [(variant, seed, starts[user], shared[user], anywhere[user]) for variant, user, seed in models]
     repairs = map_jobs(partial(_repair, cfg, scenes.images[pool], candidates), jobs, cfg.workers, "repairs")
     of_models, paths, drawn = zip(*repairs, strict=True)
     tables = [*chain(*of_models), *_baselines(cfg, scenes, starts)]
@@ -77,14 +79,15 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _repair(
-    cfg: DictConfig, images: Array, candidates: Array, job: tuple[str, int, Starts, Starts]
+    cfg: DictConfig, images: Array, candidates: Array, job: tuple[str, int, Starts, Starts, Starts]
 ) -> tuple[list[pd.DataFrame], Array, Array | None]:
     """Return a model's ends, a table a method, and its gradient steps from the user's starts (start, point, 2) [m].
 
     Last, of the first seed's model of the paper, those from the starts of all users; None of others.
-    The methods: gradient steps; those from the starts of all users; the paper's plain steps; the search.
+    The methods: gradient steps; those from the starts of all users; the paper's plain steps; the search; and IRL's own
+    policy, the path of highest return in each scene, wherever it starts.
     """
-    (variant, seed, own, shared), r = job, cfg.repair
+    (variant, seed, own, shared, anywhere), r = job, cfg.repair
     model = load_model(cfg, variant, own.user, seed, cfg.main_n_demos)
     tuned = repair(model, images, candidates, Ascent.of(r))  # all candidates, so that batches have one shape
     plain = Ascent(steps=r.steps, optimiser="gradient", rate=r.plain_rate)
@@ -95,11 +98,13 @@ def _repair(
     for method, (starts, made) in steps.items():
         z, p = made.z[starts.scene, starts.start], made.p[starts.scene, starts.start]
         tables.append(rows(starts, method, variant, seed, z[:, -1], p[:, 0], p[:, -1]))
-    if len(own.z):
-        given = float(r.distance_penalty), r.lattice_side, r.refinements
-        ends, log_p = nearest(by_model(model, images), own.scene, own.z, *given)
-        p_start = tuned.p[own.scene, own.start, 0]
-        tables.append(rows(own, "nearest", variant, seed, ends, p_start, np.exp(log_p)))
+    searches = {"nearest": (own, float(r.distance_penalty))} if len(own.z) else {}
+    if cfg.variants[variant].stage == "irl":
+        searches["policy"] = anywhere, 0.0
+    for method, (starts, penalty) in searches.items():
+        found = nearest(by_model(model, images), starts.scene, starts.z, penalty, r.lattice_side, r.refinements)
+        p_start = tuned.p[starts.scene, starts.start, 0]
+        tables.append(rows(starts, method, variant, seed, found[0], p_start, np.exp(found[1])))
     drawn = (variant, seed) == (DRAWN, cfg.protocol.seeds[0])
     return tables, tuned.z[own.scene, own.start], tuned.z[shared.scene, shared.start] if drawn else None
 

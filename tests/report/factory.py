@@ -105,8 +105,8 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
             unsafe=(1 - success).where(model)),
         "repairs": pd.concat([
             grid(method=[method], variant=variants, user=of, seed=SEEDS, scene=range(SCENES), start=range(STARTS))
-            for method, of in (("gradient", judged), ("same_starts", users))
-        ]).assign(valid_end=True),
+            for method, of in (("gradient", judged), ("same_starts", users), ("policy", users))
+        ]).assign(z_x=0.3, z_y=0.6).assign(valid_end=True),
         "seeds": pd.DataFrame({"headline": "accuracy.full.new_items", "seed": SEEDS, "value": 0.5}),
         "interventions": interventions,
         "bold": _bold(variants, users),
