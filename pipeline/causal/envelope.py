@@ -79,9 +79,14 @@ def envelopes(
     contacts = [_estimate(values[None, :, some, 0], n) for values, some, n in asked]
     adjusted = holm(np.array([contact.p[0] for contact in contacts]))
     rows = []
-    for values, n, contact, p_holm, margin in zip(by_question, n_training, contacts, adjusted, margins, strict=True):
+    for values, some, n, contact, p_holm, margin in zip(
+        by_question, touched, n_training, contacts, adjusted, margins, strict=True
+    ):
         at_contact = float(contact.effect[0])
-        judged = verdict(*(getattr(contact, end)[0] for end in ("ci_low", "ci_high", "ci90_low", "ci90_high")))
+        ends = [float(getattr(contact, end)[0]) for end in ("ci_low", "ci_high", "ci90_low", "ci90_high")]
+        if ends[0] == ends[1] == 1:  # of all items, always: exact ends of a share (Clopper and Pearson, 1934)
+            ends = [0.025 ** (1 / some.sum()), 1.0, 0.05 ** (1 / some.sum()), 1.0]
+        judged = verdict(*ends)
         is_there = judged == "effect" and at_contact > 0
         middle, low, high = radius(values, doses, n) if is_there else (np.nan,) * 3
         covered = low <= margin <= high if is_there and margin is not None else None

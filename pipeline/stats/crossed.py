@@ -51,13 +51,13 @@ def estimate(effects: Effects, skewed: bool = False, items: Items = None) -> Est
     effects = np.asarray(effects, dtype=np.float64)
     mean, by_scene = effects.mean((1, 2)), effects.mean(1)
     error, freedom = crossed_error(effects, items)
-    some = error > 1e-12 * np.abs(mean)  # less is rounding: effects that do not vary say nothing of chance, so p is 1
+    some = error > 1e-12 * np.abs(mean)  # less is rounding: effects that do not vary have the p of an exact sign test
     error = np.where(some, error, 0.0)
     third_moment = ((by_scene - mean[:, None]) ** 3).mean(-1) / by_scene.shape[-1] ** 2  # of the mean
     skewness = np.divide(third_moment, error**3, out=np.zeros_like(mean), where=some & skewed)
     t = np.divide(mean, error, out=np.zeros_like(mean), where=some)
     t = t + skewness * t**2 / 3 + skewness**2 * t**3 / 27 + skewness / 6
-    p = np.where(some, 2 * student.sf(np.abs(t), freedom), 1.0)
+    p = np.where(some, 2 * student.sf(np.abs(t), freedom), np.where(mean == 0, 1.0, 0.5 ** (effects.shape[-1] - 1)))
     quantiles = student.ppf([[0.975], [0.025], [0.95], [0.05]], freedom)
     safe = np.where(np.abs(skewness) > 1e-6, skewness, 1.0)  # the same transformation, inverted
     shifts = np.where(safe == skewness, 3 / safe * (np.cbrt(1 + safe * (quantiles - safe / 6)) - 1), quantiles)

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.random import default_rng as rng
-from scipy.stats import ttest_1samp
+from scipy.stats import binomtest, ttest_1samp
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
@@ -45,9 +45,11 @@ def test_the_error_behind_every_interval_is_that_of_the_mean_squares(constant: t
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 2), (1, 1, 30), (1, 3, 30)])
-def test_effects_that_do_not_vary_are_no_evidence_against_chance(shape: tuple[int, ...]):
+def test_effects_that_do_not_vary_have_the_p_of_a_sign_test(shape: tuple[int, ...]):
+    expected = binomtest(shape[2], shape[2]).pvalue
     for effects in (np.full(shape, 0.3), np.full(shape, 0.1) + np.arange(shape[1])[:, None] * 1e-17):
-        assert estimate(effects).p == estimate(effects, skewed=True).p == 1
+        assert estimate(effects).p == estimate(effects, skewed=True).p == pytest.approx(expected)
+    assert estimate(np.zeros(shape)).p == 1
 
 
 REGIMES = [(0.03, 0.0), (0.0, 0.1), (0.03, 0.1), (0.01, 0.1)]  # standard deviations of seeds and of scenes
