@@ -21,10 +21,10 @@ from scipy.stats import t as student
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import write_table
-from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
+from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
 from pipeline.causal.identify import all_distinct, identify, reject_all_users
 from pipeline.launch import launch
-from pipeline.models.baselines import POSITION, position_only
+from pipeline.models.baselines import NEAREST, POSITION, nearest_demonstration, position_only
 from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.settings import Between, Count, Margin, SharedSplit, StudyGroup, Whole, need, need_some
 from pipeline.runtime.streams import stream
@@ -75,7 +75,7 @@ def agree(study: Settings, parameters: Any) -> None:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write curve.csv, named.csv and open_set.csv of whose paths they are, and the tables of the paper's claims.
+    """Write curve.csv, named.csv, training.csv and open_set.csv of whose paths they are, and the claims' tables.
 
     These are clusters.csv, shown.csv (valid paths of the first seed), overlap.csv, overlap_scenes.csv, sampling.csv and
     verdicts.csv.
@@ -92,11 +92,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "curve.csv", curve)
     write_table(out_dir / "named.csv", summary)
     write_table(out_dir / "open_set.csv", open_set)
+    demos = read_demos(Path(cfg.paths.demos))
+    write_table(out_dir / "training.csv", training_table(cfg, scenes, prior, demos))
 
     # Clusters: the demonstrations are the truth.
     cells = lattice(len(prior[users[0]]))
     before = np.stack([true_sets(cfg, scenes.layouts[name], cells) for name in training], axis=1)  # (user, seed, ...)
-    demos = read_demos(Path(cfg.paths.demos))
     clusters, shown = cluster_tables(cfg, demos, before, np.stack([prior[user].ravel() for user in users]))
     write_table(out_dir / "clusters.csv", clusters)
     write_table(out_dir / "shown.csv", shown)
@@ -135,24 +136,12 @@ def identification_tables(
     """
     study, users = cfg.studies.users, list(cfg.users)
     z_theta = random_z_theta(stream(study.paths_seed, "identify"), len(layouts), study.draws * study.paths)
-
-    def by_draw(values: Array) -> Array:
-        return values.reshape(*values.shape[:-1], study.draws, study.paths)
-
-    labels = by_draw(true_sets(cfg, layouts, z_theta))  # (user, scene, draw, path)
-    by_stranger = by_draw(valid(layouts, z_theta, {symbol: study.stranger.get(symbol) for symbol in SYMBOLS}))
-
-    # P(valid) of every path by each variant's model of each user: (user, seed, scene, draw, path)
-    observers = {v: by_draw(p) for v, p in predict_all(cfg, users, images, z_theta, "identification").items()}
-    observers[POSITION] = by_draw(np.stack([position_only(prior[user], z_theta) for user in users])[:, None])
-    observers[IDEAL] = labels[:, None].astype(float)
-    n_labels = cfg.scenes.per_seed * cfg.main_n_demos  # number of labels that a model was fitted to
-    learned_floor = 1 / (n_labels + 2)  # Laplace: n labels support no more certainty than (n + 1) / (n + 2)
-
+    by_stranger = by_draw(study, valid(layouts, z_theta, {symbol: study.stranger.get(symbol) for symbol in SYMBOLS}))
+    labels, observers = observe(cfg, images, layouts, z_theta, prior)
     distinct, curves, open_set = all_distinct(labels), [], []
     everyone = np.ones_like(distinct)
     for variant, p in observers.items():
-        floor = learned_floor if variant in cfg.variants else CERTAIN_FLOOR
+        floor = certainty(cfg, variant)
         right = identify(p, labels, floor).mean(0)  # over users: (path, seed, scene)
         curves.append(by_path(variant, ALL, rate("accuracy", right) | rate("accuracy", right, distinct, "distinct_")))
         rejected = reject_all_users(p, np.concatenate([labels, by_stranger[None]]), floor, study.level)
@@ -162,6 +151,54 @@ def identification_tables(
     summary = curve[curve["k"].isin(study.reported)].drop(columns="user")
     counts = {"scenes": len(distinct), "distinct_scenes": int(distinct.sum()), "chance": 1 / len(users)}
     return curve, summary.assign(**counts), pd.concat(open_set, ignore_index=True)
+
+
+def training_table(cfg: DictConfig, scenes: SceneSet, prior: Mapping[str, Array], demos: pd.DataFrame) -> pd.DataFrame:
+    """Return who is named by further paths of the tables that each model was fitted to, by the number of paths."""
+    study, right = cfg.studies.users, dict[str, list[Array]]()
+    for seed in cfg.protocol.seeds:
+        of_seed, pool = cfg.copy(), train_pool(seed)
+        of_seed.protocol.seeds = [seed]
+        layouts = scenes.layouts[pool]
+        z_theta = random_z_theta(stream(study.paths_seed, "held out", seed), len(layouts), study.draws * study.paths)
+        labels, observers = observe(of_seed, scenes.images[pool], layouts, z_theta, prior)
+        shown = [demo_arrays(demos, seed, user, cfg.main_n_demos) for user in cfg.users]
+        blind = np.stack([nearest_demonstration(*of_user, z_theta) for of_user in shown])
+        observers[NEAREST] = by_draw(study, blind[:, None])
+        for variant, p in observers.items():
+            named = identify(p, labels, certainty(cfg, variant))  # (user, path, 1, scene)
+            right.setdefault(variant, []).append(named.mean((0, 2, 3)))
+    curves = [by_path(v, ALL, rate("accuracy", np.stack(of, axis=-1)[:, None])) for v, of in right.items()]
+    return pd.concat(curves, ignore_index=True).drop(columns="user")  # intervals are over training sets
+
+
+def observe(
+    cfg: DictConfig,
+    images: UInt8[Array, "scene 100 100 3"],
+    layouts: Layouts,
+    z_theta: Array,
+    prior: Mapping[str, Array],
+) -> tuple[Bool[Array, "user scene draw path"], dict[str, Float[Array, "user seed scene draw path"]]]:
+    """Return each user's labels of the paths, and each observer's P(valid) of them to each user."""
+    labels, users = by_draw(cfg.studies.users, true_sets(cfg, layouts, z_theta)), list(cfg.users)
+    p = predict_all(cfg, users, images, z_theta, "identification")
+    p[POSITION] = np.stack([position_only(prior[user], z_theta) for user in users])[:, None]
+    observers = {name: by_draw(cfg.studies.users, values) for name, values in p.items()}
+    return labels, observers | {IDEAL: labels[:, None].astype(float)}
+
+
+def by_draw(study: DictConfig, values: Array) -> Array:
+    """Return values (..., path) of the paths of every draw as (..., draw, path)."""
+    return values.reshape(*values.shape[:-1], study.draws, study.paths)
+
+
+def certainty(cfg: DictConfig, observer: str) -> float:
+    """Return the floor of an observer's probabilities.
+
+    After Laplace, the n labels that a model was fitted to support no more certainty than (n + 1) / (n + 2).
+    """
+    learned = observer in cfg.variants or observer == NEAREST
+    return 1 / (cfg.scenes.per_seed * cfg.main_n_demos + 2) if learned else CERTAIN_FLOOR
 
 
 def rate(
