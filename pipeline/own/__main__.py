@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from pipeline.runtime.errors import InputError
+from pipeline.runtime.errors import InputError, reported
 
 
 def main(arguments: list[str]) -> int:
@@ -60,10 +60,8 @@ def main(arguments: list[str]) -> int:
 
 if __name__ == "__main__":
     try:
-        sys.exit(main(sys.argv[1:]))
-    except (InputError, OSError) as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(2)
+        with reported(OSError):
+            sys.exit(main(sys.argv[1:]))
     except KeyboardInterrupt:
         print("interrupted: nothing was written", file=sys.stderr)
         sys.exit(130)

@@ -19,7 +19,7 @@ from filelock import FileLock, Timeout
 
 from pipeline.artifacts.files import read_json, write_json
 from pipeline.git import dvc, forget_repository, git
-from pipeline.runtime.errors import InputError
+from pipeline.runtime.errors import InputError, replace_unprintable
 from pipeline.runtime.places import ROOT
 from pipeline.sweep.job import Sweep, snapshot
 from pipeline.sweep.plan import launch, make_plan
@@ -28,6 +28,7 @@ from pipeline.sweep.summary import read_jobs, write_summary
 
 def main(argv: list[str]) -> int:
     """Run or summarise a sweep; return 0, 1 if a job failed, 2 for a mistake in use, 130 after Ctrl-C."""
+    replace_unprintable()
     try:
         return _summarise(Path(argv[1]).resolve()) if argv[:1] == ["summary"] and argv[1:] else _sweep(argv)
     except (InputError, OSError) as error:

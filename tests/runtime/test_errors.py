@@ -43,3 +43,12 @@ def test_what_a_terminal_lacks_is_replaced(end: str):
     latin = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "PYTHONPATH": str(ROOT)}
     ended = subprocess.run([sys.executable, "-c", code], env=latin, capture_output=True, encoding="ascii")
     assert (ended.returncode, ended.stdout + ended.stderr) in [(0, "?\n"), (2, "error: ?\n")]
+
+
+@pytest.mark.slow
+def test_commands_speak_to_a_terminal_that_lacks_letters():
+    """The example's users are Ana and Jürgen."""
+    latin = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
+    command = [sys.executable, "-m", "pipeline.own", "check", "examples/table"]
+    ended = subprocess.run(command, cwd=ROOT, env=latin, capture_output=True, encoding="ascii")
+    assert ended.returncode == 0 and "Ana, J?rgen; no fault" in ended.stdout
