@@ -15,12 +15,12 @@ from dataclasses import fields
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
-from pipeline.stats.crossed import Effects, Estimates, Items, estimate
+from pipeline.stats.crossed import Effects, Estimates, Items, estimate, items_held
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm, true_verdict, verdict
-from pipeline.world.layout import SYMBOLS
+from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import PAPER_P_VALID
 
 ESTIMATE_COLUMNS = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict"]
@@ -88,10 +88,26 @@ def added_item_effects(p: Predicted) -> Effects:
     return after - before
 
 
-def verdicts(users: Sequence[str], p: Predicted, valid: Bool[Array, "user version scene path"]) -> pd.DataFrame:
-    """Return user, symbol and the columns of `compare_with_truth` for each question; all questions form one family."""
+def verdicts(
+    users: Sequence[str], p: Predicted, valid: Bool[Array, "user version scene path"], layouts: Sequence[Layouts] = ()
+) -> pd.DataFrame:
+    """Return user, symbol and the columns of `compare_with_truth` for each question; all questions form one family.
+
+    layouts: the versions' if the added items are chance.
+    """
     truth = (x[:, 0] for x in expected_by_version(valid[:, None].astype(float)))
-    return pd.concat([questions(users), compare_with_truth(*expected_by_version(p), *truth)], axis=1)
+    items = np.tile(added_items(layouts), (len(users), 1, 1)) if len(layouts) else None
+    return pd.concat([questions(users), compare_with_truth(*expected_by_version(p), *truth, items)], axis=1)
+
+
+def added_items(layouts: Sequence[Layouts]) -> Int[Array, "symbol scene item"]:
+    """Return the item that each further version of the scenes adds, in its last occupied slot, by kind (`Items`)."""
+    last = [
+        np.take_along_axis(np.stack([x.item, x.symbol]), x.present.sum(1)[None, :, None] - 1, axis=2)
+        for x in layouts[1:]
+    ]
+    item, symbol = np.stack(last, axis=1)  # (version, scene, 1)
+    return items_held(item, symbol)
 
 
 def asked(summary: pd.DataFrame, kind: str, users: Sequence[str]) -> pd.DataFrame:

@@ -31,10 +31,7 @@ COMPARED = [
     "ci_high", "ci90_low", "ci90_high", "verdict", "p", "p_holm", "significant", "seeds",
 ]  # fmt: skip
 CONVERGENCE = ["reconstruction_over_flat", "own_demonstrations", "passed"]
-HEADLINE, SEEN = (
-    "new_items",
-    "seen_scenes",
-)  # splits of the headlines, which fit a screen together; HEADLINE has unseen items
+HEADLINE, SEEN = "new_items", "seen_scenes"  # splits of the headlines; HEADLINE has unseen items
 INTERVALS = ["ci_low", "ci_high", "ci90_low", "ci90_high"]
 PAPER, SHOWN = "full", ("full", "clearance")  # variants with more headlines than others
 MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correction more tests could never be significant

@@ -22,7 +22,7 @@ from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Pair, Whole, Wholes, need, rising
-from pipeline.stats.crossed import Items, estimate
+from pipeline.stats.crossed import Items, estimate, items_held
 from pipeline.stats.tests import MIN_PAIRS
 from pipeline.training.judged_sets import FEW, HELD_OUT, NEW_ITEMS, POOLS, draw_judged_sets, judge, judge_blind, row
 from pipeline.training.loop import convergence, is_constant
@@ -81,8 +81,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
                 gates.append(x.key | {"variant": MODEL} | gate)
     table, convergence = pd.DataFrame(rows), pd.DataFrame(gates, columns=[*FIT, *GATE])
     unseen = scenes.layouts[POOLS[NEW_ITEMS]]
-    which = np.unique(unseen.item[unseen.present])
-    items = ((unseen.item[..., None] == which) * (1 + unseen.symbol[..., None])).max(1)
+    items = items_held(unseen.item, unseen.symbol)
     users = {PAPER: list(cfg.users), JUDGED: list(cfg.evaluate.users)}
     curve = _curve(users, table, convergence, evaluated, items)
     ends: dict[str, dict[str, dict[str, float]]] = {}  # the headlines: both ends of the curve, as the paper reports it

@@ -23,6 +23,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, SharedSplit, Size, Whole, need, widest_margin
 from pipeline.runtime.streams import stream
+from pipeline.stats.crossed import items_held
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import valid
 
@@ -67,9 +68,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     of_models, paths, drawn = zip(*repairs, strict=True)
     tables = [*chain(*of_models), *_baselines(cfg, scenes, starts)]
     table = pd.concat([t for t in tables if len(t)], ignore_index=True)
-    which = np.unique(layouts.item[layouts.present])
-    items = ((layouts.item[..., None] == which) * (1 + layouts.symbol[..., None])).max(1)
-    summary = measures(table, items if r.split == UNSEEN else None)
+    summary = measures(table, items_held(layouts.item, layouts.symbol) if r.split == UNSEEN else None)
     write_table(out_dir / "repairs.parquet", table)
     own = {model_name(*key): z for key, z in zip(models, paths, strict=True)}
     same_starts = {f"same_starts-{key[1]}": z for key, z in zip(models, drawn, strict=True) if z is not None}

@@ -22,6 +22,12 @@ Means = Float[Array, " question"]
 Items = Int[Array, "*question scene item"] | None
 
 
+def items_held(item: Int[Array, "*version scene slot"], symbol: Int[Array, "*version scene slot"]) -> Items:
+    """Return the items that each scene holds, by kind; symbol: -1 in an empty slot."""
+    which = np.unique(item[symbol >= 0])
+    return ((item[..., None] == which) * (1 + symbol[..., None])).max(-2)
+
+
 @dataclass(frozen=True)
 class Estimates:
     """Estimates of each question's mean effect; all fields have shape (question,)."""

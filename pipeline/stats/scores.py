@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from sklearn.metrics import brier_score_loss, roc_auc_score
 
-from pipeline.stats.crossed import Estimates, estimate, ratio
+from pipeline.stats.crossed import Estimates, Items, estimate, ratio
 
 DECISION = 0.5  # threshold on p above which a path is accepted
 
@@ -54,20 +54,21 @@ def expected_calibration_error(p: Float[Array, " path"], valid: Bool[Array, " pa
     return float((gaps * table["count"]).sum() / table["count"].sum())
 
 
-def accuracy_estimate(accepted: Accepted, valid: Valid) -> dict[str, float]:
+def accuracy_estimate(accepted: Accepted, valid: Valid, items: Items) -> dict[str, float]:
     """Return accuracy, averaged over users, and `unsafe`, the share of invalid paths that are accepted.
 
-    Both have a 95 % interval over seeds crossed with scenes. If every path is valid, `unsafe` is NaN.
+    Both have a 95 % interval over seeds crossed with scenes, and with their `items` if these are chance. If every path
+    is valid, `unsafe` is NaN.
     """
 
     def within_0_and_1(e: Estimates) -> list[float]:
         return [float(np.clip(x[0], 0, 1)) for x in (e.effect, e.ci_low, e.ci_high)]
 
-    accuracy = within_0_and_1(estimate((accepted == valid[:, None]).mean((0, 3))[None]))
+    accuracy = within_0_and_1(estimate((accepted == valid[:, None]).mean((0, 3))[None], items=items))
     unsafe = [np.nan] * 3
     if not valid.all():
         parts = (accepted & ~valid[:, None]).sum((0, 3)).astype(float)  # (seed, scene)
         wholes = np.broadcast_to((~valid).sum((0, 2)), parts.shape).astype(float)
-        unsafe = within_0_and_1(ratio(parts[None], wholes[None]))
+        unsafe = within_0_and_1(ratio(parts[None], wholes[None], items))
     names = ("accuracy", "ci_low", "ci_high", "unsafe", "unsafe_ci_low", "unsafe_ci_high")
     return dict(zip(names, [*accuracy, *unsafe], strict=True))

@@ -21,7 +21,7 @@ from scipy.stats import t as student
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import AddedItems, SceneSet, Versions, read_scenes, read_versions, train_pool
 from pipeline.causal import refuters
-from pipeline.causal.interventions import added_item_effects, estimate_effects, questions, verdicts
+from pipeline.causal.interventions import added_item_effects, added_items, estimate_effects, questions, verdicts
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime import settings
@@ -106,6 +106,7 @@ def ask_refuters(cfg: DictConfig, asked: Versions, ordinary: list[TrainingSet], 
     placed = AddedItems(images[1:], layouts[1:]).placed
     far = np.stack([clearance(item, z_theta)[..., 0] > study.far_m for item in placed])  # (symbol, scene, path)
     far_scenes = far.any(-1).all(0)  # (scene,)
+    items = np.tile(added_items(layouts), (len(users), 1, 1))
     if far_scenes.sum() < 2:
         expected = "a length that paths of at least two scenes keep from each added item; lower it"
         raise InputError(f"studies.refutation.far_m is {study.far_m}: expected {expected}")
@@ -142,7 +143,10 @@ def ask_refuters(cfg: DictConfig, asked: Versions, ordinary: list[TrainingSet], 
         by_refuter[refuters.NEGATIVE_CONTROL, f"far_m={study.far_m}"] = control_effects
         for texture, effects in zip(elsewhere, others[len(patches) :], strict=True):
             by_refuter[refuters.OTHER_ENVIRONMENT, texture] = effects - item_effects
-        judged = {key: estimate_effects(effects).assign(expected=NEGLIGIBLE) for key, effects in by_refuter.items()}
+        judged = {}
+        for key, effects in by_refuter.items():
+            held = items[:, far_scenes] if key[0] == refuters.NEGATIVE_CONTROL else items
+            judged[key] = estimate_effects(effects, held).assign(expected=NEGLIGIBLE)
         halves = refuters.data_subset(stream(study.root_seed, "halves", variant), item_effects, study.halves)
         for (refuter, setting), rows in {**judged, (refuters.DATA_SUBSET, f"halves={study.halves}"): halves}.items():
             facts = {"refuter": refuter, "setting": setting, "variant": variant}
@@ -210,10 +214,11 @@ def ask_in_confounded_world(cfg: DictConfig, scenes: SceneSet, ordinary: list[Tr
     fitted = [str(name) for name, v in cfg.variants.items() if v.compared and v.stage in ("irl", "clearance")]
     both = training_sets[CONTROL] + training_sets[CONFOUNDED]
     asked, effects = read_versions(cfg, scenes, world.scenes), []
+    items = np.tile(added_items(asked.layouts), (len(users), 1, 1))
     truth = np.stack([[valid(x, asked.z_theta, cfg.users[user]) for x in asked.layouts] for user in users])
     for variant, p in fit_and_predict(cfg, dict.fromkeys(fitted, both), asked, "confounded world").items():
-        control, confounded = (verdicts(users, x, truth) for x in p)
-        shift = estimate_effects(added_item_effects(p[1]) - added_item_effects(p[0]))
+        control, confounded = (verdicts(users, x, truth, asked.layouts) for x in p)
+        shift = estimate_effects(added_item_effects(p[1]) - added_item_effects(p[0]), items)
         shift = shift[["effect", "ci_low", "ci_high", "p_holm"]].add_prefix("shift_")
         confounded = confounded.join(shift.rename(columns={"shift_effect": "shift"}))
         for name, rows in ((CONTROL, control), (CONFOUNDED, confounded)):

@@ -29,6 +29,7 @@ from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import Counts, Distance, Several, Shares, Some, Strengths, StudyGroup, Whole, need
 from pipeline.runtime.streams import stream
+from pipeline.stats import crossed
 from pipeline.stats.scores import DECISION, accuracy_estimate
 from pipeline.training.refit import TrainingSet, demonstrations, refit, refit_and_predict
 from pipeline.world import layout
@@ -85,6 +86,7 @@ class Condition:
     strength: float | int | str  # the name for a texture; conf/ states the units of the others
     images: Images
     valid: Bool[Array, "user scene path"]
+    items: crossed.Items  # of each scene
 
 
 def judge_disturbances(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> None:
@@ -94,7 +96,7 @@ def judge_disturbances(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Pa
     judged += predict_after_label_noise(cfg, scenes, conditions[0], z_theta)
     summary = [
         {"corruption": x.corruption, "strength": str(x.strength), "variant": variant}
-        | accuracy_estimate(p > DECISION, x.valid)
+        | accuracy_estimate(p > DECISION, x.valid, x.items)
         for x, predictions in judged
         for variant, p in predictions.items()
     ]
@@ -123,20 +125,22 @@ def draw_conditions(cfg: DictConfig, scenes: SceneSet, pool: str) -> tuple[list[
     z_theta, truth = queries.z[first], np.stack([queries.valid[user][first] for user in users])
     render = partial(render_scenes, palette=Palette(catalogue, ImageSource.of(cfg.scenes.source)))
 
-    conditions = [Condition("none", 0, images, truth)]
+    held = crossed.items_held(layouts.item, layouts.symbol)
+    conditions = [Condition("none", 0, images, truth, held)]
     for name, strengths in study.corruptions.items():
         for strength in strengths:
             corrupted = CORRUPTIONS[name](stream(study.root_seed, name), images, float(strength))
-            conditions.append(Condition(name, strength, corrupted, truth))
+            conditions.append(Condition(name, strength, corrupted, truth, held))
     for texture in study.textures:
         on_texture = render(layouts, [texture] * len(layouts), render_seeds)
-        conditions.append(Condition("texture", texture, on_texture, truth))
+        conditions.append(Condition("texture", texture, on_texture, truth, held))
     rules = LayoutRules.of(cfg.scenes.layout)
     items = catalogue.pool(str(catalogue.items["split"].iloc[layouts.item[layouts.present][0]]))
     for count in study.clutter:
         fuller = add_clutter(stream(study.root_seed, "clutter"), layouts, count, catalogue.footprints, items, rules)
         truth_there = np.stack([valid(fuller, z_theta, cfg.users[user]) for user in users])
-        conditions.append(Condition("clutter", count, render(fuller, textures, render_seeds), truth_there))
+        pictures, all_items = render(fuller, textures, render_seeds), crossed.items_held(fuller.item, fuller.symbol)
+        conditions.append(Condition("clutter", count, pictures, truth_there, all_items))
     return conditions, z_theta
 
 
@@ -194,6 +198,7 @@ def judge_rules(cfg: DictConfig, scenes: SceneSet, out_dir: Path) -> None:
     """
     users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
     images, layouts, z_theta = asked = read_versions(cfg, scenes, cfg.studies.shift.rule_scenes)
+    items = crossed.items_held(layouts[0].item, layouts[0].symbol)
     averaged = [name for name, variant in cfg.variants.items() if variant.stage == "clearance"]
     fitted = fit_to_rules(cfg, averaged, scenes, asked)
     summary, judged, posteriors = [], [], []
@@ -208,9 +213,9 @@ def judge_rules(cfg: DictConfig, scenes: SceneSet, out_dir: Path) -> None:
             key, accepted = {"family": rule, "variant": variant}, p_in_scenes > DECISION
             training = np.mean([m.training_accuracy for m in fitted[rule, variant]]) if variant in p else np.nan
             facts = {"training_accuracy": training, "valid": labels[:, 0].mean()}
-            summary.append(key | accuracy_estimate(accepted, labels[:, 0]) | facts)
+            summary.append(key | accuracy_estimate(accepted, labels[:, 0], items) | facts)
             if variant in p:
-                rows = verdicts(users, p[variant], labels)
+                rows = verdicts(users, p[variant], labels, layouts)
                 judged.append(pd.DataFrame(key, index=rows.index).join(rows))
         for variant in averaged:
             for (user, seed), model in zip(product(users, seeds), fitted[rule, variant], strict=True):
