@@ -28,7 +28,7 @@ from pipeline.models.baselines import NEAREST, POSITION, nearest_demonstration, 
 from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.settings import Between, Count, Margin, SharedSplit, StudyGroup, Whole, need, need_some
 from pipeline.runtime.streams import stream
-from pipeline.stats.crossed import Estimates, estimate, linearised
+from pipeline.stats.crossed import Estimates, Items, estimate, items_held, linearised
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import P_F, P_INIT, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts
@@ -109,7 +109,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     truth = true_sets(cfg, layouts, z_theta)[:, None]
     sets = {v: p > DECISION for v, p in predict_all(fitted, users, images, z_theta, "overlap").items()}
     sets[POSITION] = np.stack([position_only(prior[user], z_theta) for user in users])[:, None] > DECISION
-    overlap, by_scene, gains = overlap_tables(users, sets, truth, before)
+    overlap, by_scene, gains = overlap_tables(users, sets, truth, before, items_held(layouts.item, layouts.symbol))
     sets |= {RANDOM: np.ones_like(truth), TRUTH: truth}
     sampling, sample_gains = sampling_table(cfg, layouts, z_theta, sets, truth)
     write_table(out_dir / "overlap.csv", overlap)
@@ -139,14 +139,15 @@ def identification_tables(
     by_stranger = by_draw(study, valid(layouts, z_theta, {symbol: study.stranger.get(symbol) for symbol in SYMBOLS}))
     labels, observers = observe(cfg, images, layouts, z_theta, prior)
     distinct, curves, open_set = all_distinct(labels), [], []
-    everyone = np.ones_like(distinct)
+    held = items_held(layouts.item, layouts.symbol)
     for variant, p in observers.items():
         floor = certainty(cfg, variant)
         right = identify(p, labels, floor).mean(0)  # over users: (path, seed, scene)
-        curves.append(by_path(variant, ALL, rate("accuracy", right) | rate("accuracy", right, distinct, "distinct_")))
+        shares = rate("accuracy", right, items=held) | rate("accuracy", right, distinct, "distinct_", held)
+        curves.append(by_path(variant, ALL, shares))
         rejected = reject_all_users(p, np.concatenate([labels, by_stranger[None]]), floor, study.level)
         for user, share in ((ALL, rejected[:-1].mean(0)), (STRANGER, rejected[-1])):
-            open_set.append(by_path(variant, user, rate("rejected", share, everyone)))
+            open_set.append(by_path(variant, user, rate("rejected", share, items=held)))
     curve = pd.concat(curves, ignore_index=True)
     summary = curve[curve["k"].isin(study.reported)].drop(columns="user")
     counts = {"scenes": len(distinct), "distinct_scenes": int(distinct.sum()), "chance": 1 / len(users)}
@@ -202,17 +203,21 @@ def certainty(cfg: DictConfig, observer: str) -> float:
 
 
 def rate(
-    name: str, values: Float[Array, "path seed scene"], scenes: Bool[Array, " scene"] | None = None, prefix: str = ""
+    name: str,
+    values: Float[Array, "path seed scene"],
+    scenes: Bool[Array, " scene"] | None = None,
+    prefix: str = "",
+    items: Items = None,
 ) -> dict[str, Float[Array, " path"]]:
     """Return the mean over seeds and scenes (None: all) as column `name`, and its 95 % interval within [0, 1].
 
-    NaN for fewer than two scenes.
+    NaN for fewer than two scenes; items: those of all scenes, if they are chance.
     """
     columns = [f"{prefix}{part}" for part in (name, "ci_low", "ci_high")]
     chosen = values if scenes is None else values[..., scenes]
     if chosen.shape[-1] < 2:
         return dict.fromkeys(columns, np.full(len(values), np.nan))
-    e = estimate(chosen)
+    e = estimate(chosen, items=items if items is None or scenes is None else items[scenes])
     return dict(zip(columns, (e.effect, e.ci_low.clip(0, 1), e.ci_high.clip(0, 1)), strict=True))
 
 
@@ -327,7 +332,11 @@ def jaccard(a: Bool[Array, "*set path"], b: Bool[Array, "*set path"]) -> Float[A
 
 
 def overlap_tables(
-    users: list[str], sets: Mapping[str, Sets], truth: Sets, training: Bool[Array, "user seed scene cell"]
+    users: list[str],
+    sets: Mapping[str, Sets],
+    truth: Sets,
+    training: Bool[Array, "user seed scene cell"],
+    items: Items,
 ) -> tuple[pd.DataFrame, pd.DataFrame, dict[tuple[str, str], Estimates]]:
     """Return each source's error of the overlap of two users' valid sets, the overlaps by scene, and the gains.
 
@@ -345,13 +354,17 @@ def overlap_tables(
             r = [np.corrcoef(x, true[0])[0, 1] if varies else 0.0 for x, varies in zip(overlap, vary, strict=True)]
             errors.setdefault(source, []).append(error)
             row = {"variant": source, "first": users[i], "second": users[j], "truth": true.mean()}
-            interval = estimate(error[None])
+            interval = estimate(error[None], items=items)
             row |= {"overlap": overlap.mean(), "error": error.mean(), "ci_low": interval.ci_low[0]}
             rows.append(row | {"ci_high": interval.ci_high[0], "correlation": np.mean(r)})
             part = {"variant": source, "first": users[i], "second": users[j], "scene": range(true.shape[1])}
             scenes.append(pd.DataFrame(part | {"truth": true[0], "overlap": overlap.mean(0)}))
     blind = np.mean(errors.pop(TYPICAL), axis=0)
-    gains = {("overlap", v): estimate((blind - np.mean(x, axis=0))[None]) for v, x in errors.items() if v != POSITION}
+    gains = {
+        ("overlap", v): estimate((blind - np.mean(x, axis=0))[None], items=items)
+        for v, x in errors.items()
+        if v != POSITION
+    }
     return pd.DataFrame(rows), pd.concat(scenes, ignore_index=True), gains
 
 
@@ -367,7 +380,7 @@ def sampling_table(
     mean over users. Users to whom every path is valid are left out: they have one route.
     """
     users, draws, seeds = list(cfg.users), cfg.studies.users.samples, len(cfg.protocol.seeds)
-    rows, scores = [], {}
+    rows, scores, held = [], {}, items_held(layouts.item, layouts.symbol)
     for user in cfg.evaluate.users:
         u = users.index(user)
         sides = left_of_items(layouts, z_theta, cfg.users[user])
@@ -381,12 +394,12 @@ def sampling_table(
             for measure, pair in counts.items():
                 each = linearised(*(np.broadcast_to(x, (1, seeds, len(layouts))).astype(float) for x in pair))
                 scores.setdefault((measure, source), []).append(each)
-                interval = estimate(each)
+                interval = estimate(each, items=held)
                 row |= {measure: interval.effect[0], f"{measure}_low": interval.ci_low[0]}
                 row[f"{measure}_high"] = interval.ci_high[0]
             rows.append(row | {"routes_found": found.mean(), "routes_all": all_routes.mean()})
     means = {key: np.mean(each, axis=0) for key, each in scores.items()}
-    gains = {(m, v): estimate(x - means[m, POSITION]) for (m, v), x in means.items() if v in cfg.variants}
+    gains = {(m, v): estimate(x - means[m, POSITION], items=held) for (m, v), x in means.items() if v in cfg.variants}
     return pd.DataFrame(rows), gains
 
 
