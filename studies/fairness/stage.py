@@ -19,15 +19,16 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
+from torch import nn
 
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.models import baselines
-from pipeline.models.base import ValidityModel, untrained
+from pipeline.models.base import ValidityModel, to_tensor, untrained
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
-from pipeline.models.vae.losses import classification
+from pipeline.models.vae.losses import Weights, classification, equation_1
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Counts, Several, StudyGroup, Whole, Wholes, need
 from pipeline.runtime.streams import job_seed, stream
@@ -42,6 +43,7 @@ from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import Candidates
 
 MODEL, PERFECT = "full", "perfect"  # the paper's model; its classifier on the true items
+JOINT = "joint"  # the paper's model with the user as an input: one for all users
 SEARCHED = "docs/decisions/data/search_best.csv"  # every learner's best of 100 settings (record 026)
 SEEN = "seen_scenes"  # split: other paths in training scenes
 LENGTH_UNIT_M = 0.1  # unit of an item's size in its true code [m]
@@ -125,10 +127,14 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     answers = refit(cfg, {MODEL: [*of_model, *of_kinds]}, evaluate, "fairness")[MODEL]
     heads = [c for c in cases if c.learner == PERFECT]
     head_answers = map_jobs(partial(fit_head, cfg), heads, cfg.workers, "perfect encoder")
+    joint = [[c for c in cases if (c.learner, c.seed) == (JOINT, seed)] for seed in {c.seed: None for c in cases}]
+    joint_answers = map_jobs(partial(fit_joint, cfg), joint, cfg.workers, "joint model")
 
     judged = zip([x.case for x in of_model] + heads, answers[: len(of_model)] + head_answers, strict=True)
+    judged = [*judged, *((c, a) for of in zip(joint, joint_answers, strict=True) for c, a in zip(*of, strict=True))]
+    judged = [(c, by_split) for c, by_split in judged if c.user in users]
     rows = [c.row(c.learner, len(c.judged[OWN].valid), *one) for c, by_split in judged for one in by_split.items()]
-    table = pd.DataFrame([*rows, *blind_rows(cases, prior)])
+    table = pd.DataFrame([*rows, *blind_rows(heads, prior)])
     write_table(out_dir / "scenes.csv", summarise(table, ["learner", "scenes", "split"]))
 
     rows = [blind for x in shown for blind in judged_sets.judge_blind(prior[x.user], x)]
@@ -161,14 +167,15 @@ def draw_cases(cfg: DictConfig) -> list[Case]:
     orders = [(NEW, study.new_scenes, study.new_scenes), *((f"train-{seed}", most, pictures) for seed in seeds)]
     (new, new_images), *training = map_jobs(partial(draw_scenes, cfg), orders, cfg.workers, "scenes")
     slots, cases = max(cfg.scenes.layout.items_per_scene), []
-    for user, (seed, (pool, images)) in product(cfg.evaluate.users, zip(seeds, training, strict=True)):
+    for user, (seed, (pool, images)) in product(cfg.users, zip(seeds, training, strict=True)):
         (z, valid), (new_z, new_valid) = (
             drawn.choose(stream(study.root_seed, "choose", name, user, 0), cfg.users[user], 0.0, n + study.paths)
             for name, drawn in ((f"train-{seed}", pool), (NEW, new))
         )
         codes, seen = [true_code(drawn.layouts, slots) for drawn in (pool, new)], slice(study.seen_scenes)
-        for learner, numbers in study.scenes.items():
-            here, there = (images, new_images) if learner == MODEL else codes
+        learners = {**study.scenes, JOINT: study.scenes[MODEL][:1]}
+        for learner, numbers in learners.items() if user in cfg.evaluate.users else [(JOINT, learners[JOINT])]:
+            here, there = codes if learner == PERFECT else (images, new_images)
             judges = {SEEN: Labelled(here[seen], z[seen, n:], valid[seen, n:])}
             judges[NEW] = Labelled(there, new_z[:, n:], new_valid[:, n:])
             for count in numbers:
@@ -224,6 +231,47 @@ def fit_head(cfg: DictConfig, case: Case) -> dict[str, float]:
     need_finite(minimise(loss, head.classifier.parameters(), Schedule.of(cfg.train)), f"{PERFECT}, seed {case.seed}")
     with torch.no_grad():
         return case.accuracies(lambda x: logit(x).sigmoid().numpy())
+
+
+class JointVae(BetaVae):
+    """The paper's model with the user s as an input of its classifier, as in its graph: `whose` are the paths."""
+
+    whose: Float[torch.Tensor, "path user"]  # one 1 a path, or a row for all of them
+
+    def __init__(self, users: int, **shape: Any):
+        super().__init__(**shape)
+        last = self.classifier[0].get_parameter("weight")
+        self.classifier[0] = nn.Linear(last.shape[1] + users, len(last))
+
+    def logit(self, percept: torch.Tensor, z_theta: torch.Tensor) -> torch.Tensor:
+        """Return the log-odds that each path [m] (scene, path, 2) is valid to its user."""
+        shape, scaled = (*z_theta.shape[:2], -1), (z_theta - Z_CENTRE) / Z_SCALE
+        parts = [percept[:, None].expand(shape), scaled, self.whose.expand(*shape[:2], self.whose.shape[-1])]
+        return self.classifier(torch.cat(parts, dim=-1)).squeeze(-1)
+
+
+def fit_joint(cfg: DictConfig, cases: list[Case]) -> list[dict[str, float]]:
+    """Fit one model to the demonstrations of all users in a training set's scenes; return each user's accuracies."""
+    own, users, seed = [case.judged[OWN] for case in cases], torch.eye(len(cases)), cases[0].seed
+    number = job_seed(seed, JOINT, cfg.main_n_demos, JOINT)
+    model = untrained(JointVae, {**cfg.train.model, "users": len(cases)}, number)
+    assert isinstance(model, JointVae)
+    model.standardise(own[0].scenes)
+    images, noise = to_tensor(own[0].scenes), torch.Generator().manual_seed(number)
+    z_theta = torch.from_numpy(np.concatenate([x.z_theta for x in own], axis=1)).float()
+    valid = torch.from_numpy(np.concatenate([x.valid for x in own], axis=1))
+    model.whose, weights = users.repeat_interleave(own[0].valid.shape[1], dim=0), Weights.of(cfg.variants[MODEL])
+
+    def loss() -> Losses:
+        drawn = torch.randn(len(images), model.latent, generator=noise)
+        terms = equation_1(model, images, z_theta, valid, weights, drawn)
+        return terms.total, list(terms)
+
+    need_finite(minimise(loss, model.parameters(), Schedule.of(cfg.train)), f"{JOINT}, seed {seed}")
+    answers = []
+    for case, model.whose in zip(cases, users[:, None], strict=True):
+        answers.append(case.accuracies(lambda x: model.probability(x.scenes, x.z_theta)))
+    return answers
 
 
 def blind_rows(cases: list[Case], prior: dict[str, Float[Array, "side side"]]) -> Iterator[dict]:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays
@@ -12,7 +13,7 @@ from pipeline.params import compose
 from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, OWN, ROUTES, draw_judged_sets
 from pipeline.world.layout import EMPTY, SYMBOLS, random_layouts
 from pipeline.world.rules import clearance, slack
-from studies.fairness.stage import true_code
+from studies.fairness.stage import JointVae, true_code
 from tests.factories import ITEMS, RULES, rendered_scenes
 
 SMALL = ["profile=smoke", "workers=1", "train.steps=2", "readings.candidates=400"]
@@ -38,6 +39,19 @@ def test_the_true_code_knows_each_item_and_nothing_of_empty_slots():
     layouts.angle[:] += np.pi
     np.testing.assert_allclose(true_code(layouts, 3).reshape(code.shape), code, atol=1e-9)
     assert (layouts.symbol[:, 3:] == EMPTY).all()
+
+
+def test_the_joint_model_answers_each_user_for_itself_and_paths_of_several_at_once():
+    torch.manual_seed(0)
+    model, z_theta = JointVae(users=2, channels=[2, 2, 2]).eval(), torch.rand(3, 4, 2)
+    percept, users = torch.randn(3, model.latent), torch.eye(2)
+    each = []
+    for model.whose in users[:, None]:
+        each.append(model.logit(percept, z_theta))
+    assert not torch.allclose(*each)
+    model.whose = users[[0, 0, 1, 1]]
+    expected = torch.cat([each[0][:, :2], each[1][:, 2:]], dim=1)
+    torch.testing.assert_close(model.logit(percept, z_theta), expected)
 
 
 def test_labels_are_true_and_no_judged_path_was_shown(cfg: DictConfig):
