@@ -17,21 +17,25 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 from pydantic import Field
 from scipy.spatial.distance import cdist
+from scipy.stats import entropy
 from scipy.stats import t as student
+from sklearn.metrics import mutual_info_score
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
 from pipeline.causal.identify import all_distinct, identify, reject_all_users
 from pipeline.launch import launch
+from pipeline.models.base import to_tensor
 from pipeline.models.baselines import NEAREST, POSITION, nearest_demonstration, position_only
-from pipeline.models.trained import check_weights, predict_all
+from pipeline.models.trained import check_weights, load_model, predict_all
 from pipeline.runtime.settings import Between, Count, Margin, SharedSplit, StudyGroup, Whole, need, need_some
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import Estimates, Items, estimate, items_held, linearised
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import P_F, P_INIT, lattice, random_z_theta
-from pipeline.world.layout import SYMBOLS, Layouts
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
+from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import Margins, valid
 
 ALL, STRANGER = "all", "stranger"  # users in tables: the mean of all, and one without a model
@@ -40,6 +44,7 @@ CERTAIN_FLOOR = 1e-6  # clipping of probabilities that are known, not learned
 MEASURES = "nearest neighbours", "nearest centroid", "silhouette"  # of clusters by user
 SAME_TABLE = "nearest label"  # the measure of clusters of valid and invalid paths
 HOLDS, FAILS, OPEN = "holds", "fails", "open"
+CODED, BINS, LEVELS = 500, 10, 5  # scenes whose codes are measured; bins of a dimension, of an item's coordinate
 INTERVAL = ["mean", "ci_low", "ci_high"]
 Sets = Bool[Array, "user seed scene path"]  # paths that a source calls valid; one seed where all seeds agree
 
@@ -77,8 +82,8 @@ def agree(study: Settings, parameters: Any) -> None:
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write curve.csv, named.csv, training.csv and open_set.csv of whose paths they are, and the claims' tables.
 
-    These are clusters.csv, shown.csv (valid paths of the first seed), overlap.csv, overlap_scenes.csv, sampling.csv and
-    verdicts.csv.
+    These are clusters.csv, shown.csv (valid paths of the first seed), overlap.csv, overlap_scenes.csv, sampling.csv,
+    verdicts.csv and codes.csv.
     """
     check_weights(cfg)
     study, users, seeds = cfg.studies.users, list(cfg.users), list(cfg.protocol.seeds)
@@ -116,6 +121,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "overlap_scenes.csv", by_scene)
     write_table(out_dir / "sampling.csv", sampling)
     write_table(out_dir / "verdicts.csv", verdicts(clusters, gains | sample_gains))
+    write_table(out_dir / "codes.csv", codes_table(cfg))
 
 
 def true_sets(cfg: DictConfig, layouts: Layouts, z_theta: Float[Array, "*b path 2"]) -> Bool[Array, "user scene path"]:
@@ -428,6 +434,46 @@ def routes(sides: Bool[Array, "scene path slot"], chosen: Bool[Array, "*seed sce
     """Return the number of distinct routes among the chosen paths: sides on which a path passes the items."""
     code = (sides * 2 ** np.arange(sides.shape[-1])).sum(-1)  # (scene, path)
     return np.stack([(chosen & (code == value)).any(-1) for value in np.unique(code)]).sum(0)
+
+
+# The code z_image
+
+
+def codes_table(cfg: DictConfig) -> pd.DataFrame:
+    """Return how far single dimensions of z_image hold single facts of a scene, by variant: a mean and its interval.
+
+    The measure is the mutual information gap (Chen et al., 2018, "Isolating sources of disentanglement"): of the two
+    dimensions that tell most of a fact, the difference, over the fact's entropy. 0 if two tell as much, 1 if one alone
+    tells all. `shuffled`: the same after the facts were given to other scenes.
+    """
+    study, first = cfg.studies.users, cfg.evaluate.users[0]
+    catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
+    rng, rules = stream(study.root_seed, "codes"), LayoutRules.of(cfg.scenes.layout)
+    layouts = random_layouts(rng, CODED, catalogue.footprints, catalogue.pool("train"), rules)
+    tops, seeds = rng.choice(catalogue.texture_names("train"), CODED), rng.integers(2**31, size=CODED).tolist()
+    images = render_scenes(layouts, list(tops), seeds, palette)
+    facts = [np.unique(tops, return_inverse=True)[1], layouts.present.sum(1)]
+    facts += [(layouts.symbol == symbol).any(1).astype(int) for symbol in range(len(SYMBOLS))]
+    facts += list((LEVELS * layouts.centre[:, 0].clip(0, 0.999)).astype(int).T)
+    order, rows = rng.permutation(CODED), []
+    for variant in (name for name, of in cfg.variants.items() if of.kind == "vae"):
+        models = [load_model(cfg, variant, first, seed, cfg.main_n_demos) for seed in cfg.protocol.seeds]
+        codes = [model.perceive(to_tensor(images)).detach().numpy() for model in models]
+        gaps = np.array([[gap(z, fact) for fact in facts] for z in codes]).mean(1)
+        chance = np.mean([[gap(z, fact[order]) for fact in facts] for z in codes])
+        rows.append({"variant": variant, "beta": cfg.variants[variant].beta} | over_seeds(gaps) | {"shuffled": chance})
+    return pd.DataFrame(rows)
+
+
+def gap(codes: Float[Array, "scene dimension"], fact: Int[Array, " scene"]) -> float:
+    """Return the mutual information gap of a fact; each dimension is cut at its quantiles."""
+    told = []
+    for x in codes.T:
+        counts = np.zeros((fact.max() + 1, BINS), dtype=int)
+        np.add.at(counts, (fact, np.searchsorted(np.quantile(x, np.arange(1, BINS) / BINS), x)), 1)
+        told.append(mutual_info_score(None, None, contingency=counts))
+    second, best = sorted(told)[-2:]
+    return (best - second) / entropy(np.bincount(fact))
 
 
 # Verdicts

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.world.layout import empty
-from studies.users.stage import best_accuracy, judge, left_of_items, measures, routes
+from studies.users.stage import best_accuracy, gap, judge, left_of_items, measures, routes
 
 
 def test_users_far_apart_are_named_and_users_alike_are_not():
@@ -16,6 +16,13 @@ def test_users_far_apart_are_named_and_users_alike_are_not():
     assert (apart[1:, 2] < 0).all() and (apart[1:, :2] < 0.6).all()  # shuffled within scenes
     alike = measures(noise, scene, user, 5, rng, 199)[:, 0]
     assert alike[0] == pytest.approx(1 / 3, abs=0.12) and alike.mean() == pytest.approx(1 / 3, abs=0.02)
+
+
+def test_the_gap_is_large_if_one_dimension_alone_tells_a_fact_and_none_if_two_do():
+    codes = np.random.default_rng(0).normal(size=(2000, 3))
+    fact = (codes[:, 1] > 0).astype(int)
+    assert gap(codes, fact) > 0.95
+    assert gap(codes[:, [0, 1, 1]], fact) == 0
 
 
 def test_a_perfect_clusterer_is_right_where_valid_sets_differ():
