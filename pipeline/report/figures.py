@@ -30,6 +30,7 @@ KINDS = ListedColormap(["#3b4252", "#d55e00", "#56b4e9", "#f0e442"])  # valid to
 SHARE = 0.3  # least share of the fitted models that are wrong about a drawn path
 WRONG = {False: "#d55e00", True: "#f0e442"}  # by whether the path is valid: accepted though invalid, or refused
 SPLITS = {"train": style.TRAIN, "unseen": style.UNSEEN}
+SAMPLES = 12  # paths sampled from a map
 TILE_PX = 56  # side of an item's image in the catalogue figure
 
 
@@ -177,9 +178,9 @@ def patterned(results: Results) -> Figure:
     The scene is the one in which the model has least of the map right on that top, over users.
     """
     drawn, variant = results.drawn, failing(results)
-    right = [((drawn.patterned_maps[variant][u] > 0.5) == drawn.truth[u]).mean((1, 2)) for u in drawn.truth]
+    right = [((drawn.patterned_maps[variant][u] > 0.5) == drawn.truth[u]).mean((1, 2)) for u in results.judged_users]
     place = int(np.mean(right, axis=0).argmin())
-    scene, users, top = drawn.mapped[place], list(drawn.truth), results.facts["patterned_top"]
+    scene, users, top = drawn.mapped[place], results.judged_users, results.facts["patterned_top"]
     titles = ["Its own table top", "Truth", style.label(variant), f"The same on {top}", style.label(variant)]
     names = [f"{user} user" for user in users]
     figure, axes = panels(len(users), 5, 13.0, 2.75 * len(users) + 0.2, titles, names)
@@ -233,6 +234,22 @@ def who_accepts(results: Results) -> Figure:
     kinds = ["neither", f"{first} only", f"{second} only", "both"]
     handles = [Patch(facecolor=KINDS(i), edgecolor=style.MUTED, label=f"valid for {n}") for i, n in enumerate(kinds)]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    return figure
+
+
+def samples(results: Results) -> Figure:
+    """Draw control points sampled from those that the paper's model accepts, and their paths, a column a user."""
+    drawn, users, rng = results.drawn, list(results.users), np.random.default_rng(0)
+    scene, figure, axes = drawn.mapped[0], *panels(2, len(users), 3.4 * len(users), 6.9, [f"{u} user" for u in users])
+    for (above, below), user in zip(axes.T, users, strict=True):
+        p = drawn.maps["full"][user][0]
+        accepted = lattice(len(p))[p.ravel() > 0.5]
+        z = accepted[rng.permutation(len(accepted))[:SAMPLES]]
+        draw_map(above, p)
+        above.plot(*z.T, "o", color="white", markersize=5, markeredgecolor="#111417")
+        draw_table(below, drawn.images[scene], drawn.layouts, scene, results.users[user])
+        for point, right in zip(z, valid(drawn.layouts[[scene]], z[None], results.users[user])[0], strict=True):
+            draw_path(below, point, style.VALID if right else style.INVALID, width=1.6)
     return figure
 
 

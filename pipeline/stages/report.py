@@ -110,12 +110,12 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
     scenes.check_has(pool, train_pool(seed))
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     mapped = list(range(min(cfg.report.scenes, len(images))))
-    shown, side, users = compared(cfg), cfg.report.map_side, list(cfg.evaluate.users)
+    shown, side, users = compared(cfg), cfg.report.map_side, list(cfg.users)
     maps = {v: {u: _predicted_map(cfg, v, u, images[mapped], side) for u in users} for v in shown}
     palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))[1]
     render_seeds = scenes.appearances[pool]["render_seed"].iloc[mapped].tolist()
     patterned = render_scenes(layouts[mapped], [cfg.report.patterned_top] * len(mapped), render_seeds, palette)
-    added, user = read_interventions(Path(cfg.paths.intervene), layouts), users[0]
+    added, user = read_interventions(Path(cfg.paths.intervene), layouts), cfg.evaluate.users[0]
     added_images = np.concatenate([images[:1], added.images[:, 0]])
     added_maps = {v: _predicted_map(cfg, v, user, added_images, side) for v in shown if v in ("full", "clearance")}
     true_added = [_true_map(cfg, user, one[:1], side) for one in (layouts, *added.layouts)]
