@@ -1,7 +1,9 @@
 """CONTRIBUTING.md's recipes, followed to the letter in copies of the repository, lead to the report's pages."""
 
 import json
+import os
 import shutil
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -9,8 +11,10 @@ import pytest
 import yaml
 
 from pipeline.artifacts.files import read_table
+from pipeline.git import dvc, git, run
 from pipeline.runtime.places import ROOT
 from tests.smoke.reproduce import reproduce
+from tests.sweep.running import clone_of_working_tree
 
 TINY = [
     "profile=smoke", "n_demos=[2]", "main_n_demos=2", "readings.n_demos=[1,2]", "checkpoints=[0]", "scenes.per_seed=6",
@@ -128,3 +132,21 @@ def test_a_variant_a_user_a_symbol_and_a_question_reach_the_pages(repository: Pa
     }, "README, metrics and pages count the users whose results are averaged"
     pages = {path.stem: path.read_text() for path in (repository / "reports").glob("*.html")}
     assert "mug" in pages["causes"] and "tidy" in pages["repair"] and ">few<" in pages["accuracy"]
+
+
+def test_the_recipes_end_in_a_commit_that_every_hook_accepts(tmp_path: Path):
+    clone = clone_of_working_tree(tmp_path / "clone")
+    (clone / ".venv").symlink_to(sys.prefix)
+    shutil.copytree(ROOT / "data", clone / "data", dirs_exist_ok=True)
+    add_a_variant(clone)
+    add_a_user(clone)
+    add_a_symbol(clone)
+    ask_a_question(clone)
+    dvc(clone, "add", "data")
+    dvc(clone, "push", "--remote", "store", "data.dvc")
+    here = {"PYTHONPATH": str(clone), "PATH": f"{sys.prefix}/bin:{os.environ['PATH']}"}
+    run([sys.executable, "-m", "pipeline.params"], clone, here, check=True)
+    git(clone, "add", "--all", ":!.venv")
+    hooks = run(["pre-commit", "run", "--all-files"], clone, here, capture_output=True)
+    assert hooks.returncode == 0, hooks.stdout[-3000:]
+    assert hooks.stdout.count("Passed") == 6, hooks.stdout
