@@ -123,8 +123,9 @@ def drawn(results: Results) -> Figure:
 
 def steps(results: Results) -> Figure:
     """Draw the gradient steps of the paper's model from one start a scene, dark to light: a row for each user."""
-    users, scenes, of = list(results.users), results.drawn.mapped[:3], results.table("repairs")
+    users, of = list(results.users), results.table("repairs")
     of = of[(of["method"] == "same_starts") & (of["variant"] == "full") & (of["seed"] == results.seeds[0])]
+    scenes = of["scene"].unique()[:3].tolist()
     titles, names = [f"scene {scene}" for scene in scenes], [f"{user} user" for user in users]
     figure, axes = panels(len(users), len(scenes), 3.2 * len(scenes), 3.3 * len(users), titles, names)
     for line, user in zip(axes, users, strict=True):
