@@ -161,9 +161,9 @@ def paper_curve(results: Results) -> pd.DataFrame:
     for reading in results.readings:
         held_out = table[(table["split"] == "held_out") & (table["reading"] == reading)]
         rows = pd.concat([held_out, paper_accuracy()], ignore_index=True)
-        parts.append(rows.assign(place=f"Training tables, {label(reading)}"))
+        parts.append(rows.assign(place=f"Training tables,\n{label(reading)}"))
     new = table[(table["split"] == "new_items") & (table["reading"] == first)]
-    return pd.concat([*parts, new.assign(place=f"New tables and items, {label(first)}")], ignore_index=True)
+    return pd.concat([*parts, new.assign(place=f"New tables and items,\n{label(first)}")], ignore_index=True)
 
 
 def by_demonstrations(results: Results) -> pd.DataFrame:
