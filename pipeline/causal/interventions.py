@@ -95,9 +95,10 @@ def verdicts(
 
     layouts: the versions' if the added items are chance.
     """
-    truth = (x[:, 0] for x in expected_by_version(valid[:, None].astype(float)))
+    true_before, true_after = (x[:, 0] for x in expected_by_version(valid[:, None].astype(float)))
     items = np.tile(added_items(layouts), (len(users), 1, 1)) if len(layouts) else None
-    return pd.concat([questions(users), compare_with_truth(*expected_by_version(p), *truth, items)], axis=1)
+    judged = compare_with_truth(*expected_by_version(p), true_before, true_after, items=items)
+    return pd.concat([questions(users), judged], axis=1)
 
 
 def added_items(layouts: Sequence[Layouts]) -> Int[Array, "symbol scene item"]:

@@ -167,7 +167,7 @@ def _summary(cfg: DictConfig, by_seed: pd.DataFrame, by_scene: pd.Series, items:
         row |= {"ci_low": np.nan, "ci_high": np.nan, "seeds": len(values)}
         if row["n_demos"] == cfg.main_n_demos and cfg.protocol.splits[row["split"]] is not None:
             right = by_scene[row["variant"], row["split"], row["n_demos"]].unstack().to_numpy()
-            interval = estimate(right[None], items=items.get(row["split"]))
+            interval = estimate(right[None], items=items.get(str(row["split"])))
             row |= {"ci_low": interval.ci_low[0], "ci_high": interval.ci_high[0]}
         rows.append(row)
     return pd.DataFrame(rows)

@@ -263,8 +263,9 @@ def _bold(questions: list[Question], users: list[str], pairs: Mapping[str, list[
     changes = [(user, questions[i].symbol) for i in added for user in questions[i].users]
     blocks = [interventions.paper_rows(users, [questions[i].symbol for i in added])]
     for source in pairs if added else ():
-        sides = _together(pairs[source][i] for i in added)
-        blocks.append(interventions.bold_rows(source, changes, *sides, _items([questions[i] for i in added])))
+        before, after = _together(pairs[source][i] for i in added)
+        items = _items([questions[i] for i in added])
+        blocks.append(interventions.bold_rows(source, changes, before, after, items))
     return pd.concat(blocks, ignore_index=True)
 
 

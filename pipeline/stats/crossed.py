@@ -18,11 +18,11 @@ from scipy.stats import t as student
 
 Effects = Float[Array, "question seed scene"]
 Means = Float[Array, " question"]
-# The unseen items of each scene: 1, 2, ... by their kind, 0 for one that it lacks. None: items are no source of chance.
-Items = Int[Array, "*question scene item"] | None
+Held = Int[Array, "*question scene item"]  # the items of each scene: 1, 2, ... by their kind, 0 for one that it lacks
+Items = Held | None  # those that are chance, as they are unseen; None: none
 
 
-def items_held(item: Int[Array, "*version scene slot"], symbol: Int[Array, "*version scene slot"]) -> Items:
+def items_held(item: Int[Array, "*version scene slot"], symbol: Int[Array, "*version scene slot"]) -> Held:
     """Return the items that each scene holds, by kind; symbol: -1 in an empty slot."""
     which = np.unique(item[symbol >= 0])
     return ((item[..., None] == which) * (1 + symbol[..., None])).max(-2)
@@ -125,7 +125,7 @@ def crossed_error(effects: Effects, items: Items = None) -> tuple[Means, Means]:
     return np.sqrt(total / (seeds * scenes)), freedom
 
 
-def item_inflation(by_scene: Float[Array, "question scene"], items: Items) -> Means:
+def item_inflation(by_scene: Float[Array, "question scene"], items: Held) -> Means:
     """Return the factor, at least 1, by which each mean's variance grows since scenes that share an item vary together.
 
     The covariances are the products of deviations over all pairs of scenes that share an item (Aronow, Samii and

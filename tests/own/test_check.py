@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from omegaconf import OmegaConf
 
 from pipeline.own.__main__ import main
 from pipeline.own.demonstrations import check_paths
@@ -307,7 +306,7 @@ MOVEMENTS = [
 @pytest.mark.parametrize("extreme", MOVEMENTS, ids=str)
 @pytest.mark.parametrize("decimals", [9, 2])
 def test_what_a_hand_does_is_no_fault(extreme: dict, decimals: int):
-    hand, rng, parts = Hand(**{**OmegaConf.to_object(composed().demos.hand), **extreme}), np.random.default_rng(0), []
+    hand, rng, parts = Hand.of({**composed().demos.hand, **extreme}), np.random.default_rng(0), []
     for demo, z_theta in enumerate(random_z_theta(rng, 40)):
         rows = pd.DataFrame(simulate(rng, z_theta, hand)[:, :3].round(decimals), columns=["t", "x", "y"])
         parts.append(rows.assign(scene="a", user="b", demo=f"{demo:03}", valid=True, name=str(demo)))
