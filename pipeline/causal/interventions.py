@@ -173,7 +173,9 @@ def cells_as_in_the_paper(table: pd.DataFrame) -> dict[str, int]:
     return {str(source): int(count) for source, count in agree.groupby(known["source"], sort=False).sum().items()}
 
 
-def never_bold(table: pd.DataFrame) -> str:
-    """Return how many of the paper's cells a source without a bold cell has as the paper, such as "7 of 12"."""
+def bold_or_plain(table: pd.DataFrame) -> str:
+    """Return a sentence on cells that are bold or plain as in the paper: its model's, and without the picture."""
     printed = table[(table["source"] == PAPER) & (table["change"] != NONE)]["bold"].astype(bool)
-    return f"{int((~printed).sum())} of {len(printed)}"
+    blind, model = int((~printed).sum()), cells_as_in_the_paper(table).get("full")
+    ours = "" if model is None else f"{model} in its model here, "
+    return f"Bold or plain as in the paper, of {len(printed)} cells: {ours}{blind} without the picture (none bold)."

@@ -115,7 +115,7 @@ def _said(label: str, number: float) -> str:
 
 
 class _Chart:
-    """What both kinds of chart share: rows, panels, series, labels and legend."""
+    """Hold what both kinds of chart share: rows, panels, series, labels and legend."""
 
     def __init__(
         self,

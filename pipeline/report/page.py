@@ -74,7 +74,7 @@ def render_page(
 
 @dataclass
 class Page:
-    """What a template can call to number, draw and show its figures and tables."""
+    """Number, draw and show the figures and tables that a template asks for."""
 
     name: str
     data: Any

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.causal.interventions import asked, never_bold, right_verdicts
+from pipeline.causal.interventions import asked, bold_or_plain, right_verdicts
 from pipeline.report.study import Data
 from pipeline.report.tables import named
 from pipeline.world.catalogue import Catalogue
@@ -141,9 +141,9 @@ class Results(Data):
         return int((answers == ("negligible" if kind == "add" else "effect")).sum())
 
     @property
-    def never_bold(self) -> str:
-        """Return how many cells of Table 2 are as in the paper if none is bold, such as "7 of 12"."""
-        return never_bold(self.table("bold"))
+    def bold_or_plain(self) -> str:
+        """Return the sentence on cells of Table 2 that are bold or plain as in the paper."""
+        return bold_or_plain(self.table("bold"))
 
     @property
     def largest_difference(self) -> float | None:

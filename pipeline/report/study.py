@@ -1,4 +1,4 @@
-"""What a page draws from: tables by name, whose numbers know their cell and whose files are known."""
+"""Give a page what it draws from: tables by name, whose numbers know their cell and whose files are known."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ Source = Sequence[tuple[str, Path]]  # what a table of results was read or compu
 
 @dataclass(frozen=True, kw_only=True)
 class Data:
-    """Results by the names of their tables, and the settings that all pages print."""
+    """Hold results by the names of their tables, and the settings that all pages print."""
 
     variants: list[str]
     users: dict[str, Margins]

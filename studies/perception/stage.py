@@ -38,6 +38,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Group, Some, StudyGroup, Whole, need, need_one
 from pipeline.runtime.streams import stream
+from pipeline.stats.crossed import items_held
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SIDE, point_segment_distance
@@ -272,7 +273,7 @@ def on_tables(cfg: DictConfig, split: str) -> Transfer:
         right = accuracies(models, p[:, 0], dict(zip(users, true[:, 0], strict=True)))
         found = Transfer(
             right.assign(top=[tables.tops[i] for i in right["scene"]]),
-            interventions.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true),
+            interventions.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true, layouts),
             _search(cfg, models, seen[0], starts),
         )
         parts.append([table.assign(source=split, detector=detector) for table in found])
@@ -296,7 +297,8 @@ def _search(
         s = starts[user]
         ends, log_p = nearest(by_percept(model, seen), s.scene, s.z, r.distance_penalty, r.lattice_side, r.refinements)
         found.append(rows(s, "nearest", VARIANT, seed, ends, None, np.exp(log_p)))
-    return measures(pd.concat(found, ignore_index=True))[SEARCH]
+    layouts = next(iter(starts.values())).layouts
+    return measures(pd.concat(found, ignore_index=True), items_held(layouts.item, layouts.symbol))[SEARCH]
 
 
 def headlines(headlines: Mapping[str, str], accuracy: pd.DataFrame, verdicts: pd.DataFrame) -> dict[str, float]:

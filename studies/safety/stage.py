@@ -35,8 +35,9 @@ from pipeline.runtime.settings import Between, Count, Group, Length, Several, Sh
 from pipeline.runtime.streams import stream
 from pipeline.runtime.writing import atomic_write
 from pipeline.stats.conformal import accept, p_values, score, share_by_scene
-from pipeline.stats.crossed import estimate
+from pipeline.stats.crossed import Items, estimate, items_held
 from pipeline.stats.scores import DECISION
+from pipeline.training.judged_sets import NEW_ITEMS
 from pipeline.training.refit import TrainingSet, demonstrations, refit
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts
@@ -276,6 +277,7 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
     blind = [(position_only(prior[x.user], x.z_theta), position_only(prior[x.user], z_theta)) for x in complete]
     answers[POSITION] = 2 * blind  # fitted to no demonstrations
 
+    unseen = scenes.layouts[splits[NEW_ITEMS]] if NEW_ITEMS in splits else None
     summary, curve = [], []
     for variant, predictions in answers.items():
         of_some, of_all = predictions[: len(complete)], predictions[len(complete) :]
@@ -290,9 +292,10 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
                 conformal.append([accept(p, level) for level in study.levels])
             threshold = [[p_paths[paths] > DECISION] * len(study.levels) for _, p_paths in of_all]
             truth = np.stack([q.valid[user] for user in users])
+            items = items_held(unseen.item, unseen.symbol) if unseen is not None and split == NEW_ITEMS else None
             for rule, accepted in ((CONFORMAL, conformal), (THRESHOLD, threshold)):
                 choices = np.reshape(accepted, (len(users), len(seeds), len(study.levels), *q.z.shape[:2]))
-                columns, rows = outcomes(choices, truth, study, users)
+                columns, rows = outcomes(choices, truth, study, users, items)
                 names = {"variant": variant, "split": split, "rule": rule}
                 curve.append(pd.DataFrame(names | columns))
                 summary += [names | row for row in rows]
@@ -313,25 +316,30 @@ def predict_demos_and_paths(
 
 
 def outcomes(
-    accepted: Bool[Array, "user seed level scene path"], valid: Bool[Array, "user scene path"], study: Any, users: list
+    accepted: Bool[Array, "user seed level scene path"],
+    valid: Bool[Array, "user scene path"],
+    study: Any,
+    users: list,
+    items: Items = None,
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Return columns by promised level, and rows at the promise for all users together and each of them.
 
-    invalid: share of invalid paths among the accepted ones, with its 95 % interval over seeds and scenes; power: share
-    of valid paths that are accepted; abstained: share or number of models that accept none; above: number of models
-    whose share of invalid paths exceeds the level. Shares are values by scene whose mean is the share of all scenes.
+    invalid: share of invalid paths among the accepted ones, with its 95 % interval over seeds and scenes, and over
+    the `items` (scene, item) of all scenes if they are chance; power: share of valid paths that are accepted;
+    abstained: share or number of models that accept none; above: number of models whose share of invalid paths exceeds
+    the level. Shares are values by scene whose mean is the share of all scenes.
     """
     truth = np.broadcast_to(valid[:, None, None], accepted.shape)
     count, correct = accepted.sum(-1), (accepted & truth).sum(-1)  # (user, seed, level, scene)
     shares = {"invalid": share_by_scene(count - correct, count), "power": share_by_scene(correct, truth.sum(-1))}
     silent = count.sum(-1) == 0
-    e = estimate(np.moveaxis(shares["invalid"].mean(0), 1, 0))  # (level, seed, scene)
+    e = estimate(np.moveaxis(shares["invalid"].mean(0), 1, 0), items=items)  # (level, seed, scene)
     columns = {"level": list(study.levels), "invalid": e.effect, "ci_low": e.ci_low.clip(0, 1)}
     columns |= {"ci_high": e.ci_high.clip(0, 1), "abstained": silent.mean((0, 1))}
     rows, promised = [], list(study.levels).index(study.level)
     for user, chosen in [(ALL, slice(None)), *((user, slice(i, i + 1)) for i, user in enumerate(users))]:
         invalid, power = (share[chosen, :, promised] for share in shares.values())
-        e, by_model = estimate(invalid.mean(0)[None]), invalid.mean(-1)
+        e, by_model = estimate(invalid.mean(0)[None], items=items), invalid.mean(-1)
         row = {"user": user, "invalid": e.effect[0], "ci_low": max(e.ci_low[0], 0.0), "ci_high": min(e.ci_high[0], 1.0)}
         row |= {"power": power.mean(), "above": int((by_model > study.level + TOLERANCE).sum())}
         rows.append(row | {"abstained": int(silent[chosen, :, promised].sum()), "models": by_model.size})
