@@ -94,7 +94,7 @@ check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an
 	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/toy.py
 	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/stages.py
 
-smoke: $(READY)  ## the whole graph, studies too (execution after `make studies`), tiny, in a throwaway clone, and what is promised of it
+smoke: $(READY)  ## the whole graph, studies too (execution after `make studies`), and sweeps, tiny, in throwaway clones, and what is promised of them
 	python -m pytest -n 2 --dist loadfile tests/smoke
 
 bench: data-here $(CLUSTER)  ## every benchmark, the whole graph among them; writes bench/README.md

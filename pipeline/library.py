@@ -1,19 +1,26 @@
 """The library interface: fit a model of one user's valid paths, repair paths, and estimate the effect of an item.
 
 All functions take and return arrays. SETTINGS are those of the paper's experiment (conf/); tests check that they agree.
+Results do not depend on the caller's torch, and leave it as it was (`undisturbed`).
 """
 
 import json
+import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
+from threading import RLock
 from typing import Any, NamedTuple
 
 import numpy as np
+import torch
 from numpy import ndarray as Array
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from scipy.stats import beta
+from threadpoolctl import ThreadpoolController
+from tqdm import tqdm
 
 from pipeline.models.base import ValidityModel, check_images, check_paths
 from pipeline.models.trained import build, read_weights
@@ -23,6 +30,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 from pipeline.stats.crossed import estimate
 from pipeline.stats.tests import verdict
+from pipeline.training.loop import Checkpoints
 from pipeline.training.refit import trainer
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
@@ -53,6 +61,50 @@ INFORMATIVE_SCENES, INFORMATIVE_CHANGE = 20, 0.01  # see `effect`
 ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 to 1
 
 
+_lock = RLock()  # the state below belongs to the whole process: fits in several threads would mix theirs
+os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
+_pools = ThreadpoolController()  # of BLAS, looked up once: it takes 20 ms
+STATE: tuple[tuple[Callable[[], Any], Callable[[Any], object], Any], ...] = (  # how to get it, to set it, and to what
+    (torch.get_default_dtype, torch.set_default_dtype, torch.float32),
+    (torch.get_num_threads, torch.set_num_threads, 1),  # more are slower here, and change the order of sums
+    (torch.get_float32_matmul_precision, torch.set_float32_matmul_precision, "highest"),
+)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Give torch and NumPy the state of a fresh process with one thread; then restore the caller's.
+
+    Covers gradient and inference mode, autocast, default dtype and device, random state, and errors that NumPy raises.
+    """
+    elsewhere = torch.get_default_device().type != "cpu"  # a device's context makes a fit a third slower
+    with (
+        _lock,
+        torch.device("cpu") if elsewhere else nullcontext(),
+        torch.inference_mode(False),  # turns gradients on, too
+        torch.autocast("cpu", enabled=False),
+        torch.random.fork_rng(devices=[]),  # nothing here draws from a GPU's generator
+        np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"),
+        _pools.limit(limits=1),
+        ExitStack() as caller,
+    ):
+        for get, put, value in STATE:
+            caller.callback(put, get())
+            put(value)
+        yield
+
+
+class _Bar(Checkpoints):
+    """A progress bar that the training loop moves, as it calls `keep` before each step."""
+
+    def __init__(self, steps: int, shown: bool):
+        super().__init__()
+        self.bar = tqdm(total=steps, desc="fit", disable=not shown)
+
+    def keep(self, models: Sequence[Any], update: Callable[[], object], step: int) -> None:
+        self.bar.update()
+
+
 class Effect(NamedTuple):
     """The average causal effect of an item on the validity of paths (paper, second inequality)."""
 
@@ -62,7 +114,10 @@ class Effect(NamedTuple):
     verdict: str  # "effect", "negligible" or "undecided" (pipeline.stats.tests.verdict)
 
 
-def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance", seed: int = 0) -> ValidityModel:
+@undisturbed()
+def fit(
+    images: Array, z_theta: Array, valid: Array, variant: str = "clearance", seed: int = 0, progress: bool = False
+) -> ValidityModel:
     """Fit a model of one user to labelled paths and return it.
 
     images: uint8 (scene, 100, 100, 3), seen from above, row 0 at the far edge of the 1 m table.
@@ -70,6 +125,7 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
     valid: bool (scene, n), the user's labels.
     variant: one of SETTINGS (full, ae, classifier, irl_maxent, irl_ranked, clearance).
     seed: decides the initial weights and all randomness of the training.
+    progress: show a bar of the training's steps.
 
     Raises InputError if an argument has a wrong type, shape or unit, or if there are fewer than 2 scenes. Labels that
     are all equal give a warning: the model then predicts one probability everywhere.
@@ -84,15 +140,19 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
         raise InputError(f"valid is {dtype} of shape {np.shape(valid)}: expected bool of shape {shape}, one a path")
     if valid.all() or not valid.any():
         kind = "valid" if valid.all() else "invalid"
-        warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=2)
+        warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=3)
     settings, seed = SETTINGS[variant], int(seed)
     model = build(settings, seed)
     z = np.asarray(z_theta, dtype=np.float64)
-    trainer(settings, TRAINING).fit([model], [images], [z], [valid], seeds=[seed])
+    steps = TRAINING[settings["stage"]]["steps"]
+    bar = _Bar(steps[settings["objective"]] if settings["stage"] == "irl" else steps, progress)
+    with bar.bar:
+        trainer(settings, TRAINING).fit([model], [images], [z], [valid], seeds=[seed], checkpoints=bar)
     model.settings = {"variant": variant, "kind": settings["kind"], "model": settings["model"], "seed": seed}
     return model.eval()
 
 
+@undisturbed()
 def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
     """Return, for each start, the z_theta (scene, path, 2) [m] of a path that the model accepts; NaN if none.
 
@@ -114,6 +174,7 @@ def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
     return ends
 
 
+@undisturbed()
 def effect(
     model: ValidityModel | Sequence[ValidityModel], images: Array, images_with_item: Array, z_theta: Array
 ) -> Effect:
@@ -156,6 +217,7 @@ def effect(
     return Effect(mean, (low, high), p, verdict(mean, p, low90, high90))
 
 
+@undisturbed()
 def save(model: ValidityModel, path: str | Path) -> None:
     """Write a fitted model as safetensors with its settings as metadata; `load` restores it bit for bit.
 
@@ -171,6 +233,7 @@ def save(model: ValidityModel, path: str | Path) -> None:
     atomic_write(Path(path), lambda temporary: temporary.write_bytes(content))
 
 
+@undisturbed()
 def load(path: str | Path) -> ValidityModel:
     """Return the model written by `save`, in eval mode; raise InputError if it is missing, damaged or not finite."""
     path = Path(path)

@@ -1,11 +1,18 @@
-"""The library's front door: README's example, what it promises, and what it refuses."""
+"""The library's front door: the documented example, what it promises, and what it refuses."""
 
+import pickle
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.stats import t as student
 from scipy.stats import ttest_1samp
 
@@ -42,7 +49,7 @@ def example():
 
 
 @pytest.mark.slow
-def test_the_example_of_the_readme(example, tmp_path, monkeypatch):
+def test_the_example_of_docs_library(example, tmp_path, monkeypatch):
     monkeypatch.setitem(library.TRAINING["clearance"], "steps", 250)
     images, images_without, z_theta, valid = example
     model = pipeline.fit(images, z_theta, valid, variant="clearance", seed=0)
@@ -60,6 +67,110 @@ def test_the_example_of_the_readme(example, tmp_path, monkeypatch):
     pipeline.save(model, tmp_path / "model.safetensors")
     again = pipeline.load(tmp_path / "model.safetensors")
     assert np.array_equal(again.probability(images, z_theta), p)
+
+
+@contextmanager
+def set_by(setter, value, before):
+    setter(value)
+    try:
+        yield
+    finally:
+        setter(before)
+
+
+SURROUNDINGS = {  # of a caller
+    "no_grad": torch.no_grad,
+    "inference": torch.inference_mode,
+    "autocast": lambda: torch.autocast("cpu", dtype=torch.bfloat16),
+    "float64": lambda: set_by(torch.set_default_dtype, torch.float64, torch.float32),
+    "bfloat16": lambda: set_by(torch.set_default_dtype, torch.bfloat16, torch.float32),
+    "device": lambda: torch.device("meta"),
+    "default device": lambda: set_by(torch.set_default_device, "meta", None),
+    "threads": lambda: set_by(torch.set_num_threads, 3, torch.get_num_threads()),
+    "precision": lambda: set_by(torch.set_float32_matmul_precision, "medium", "highest"),
+    "errors": lambda: np.errstate(all="raise"),
+}
+
+
+def state() -> tuple:
+    """What a caller can see of torch and NumPy."""
+    modes = torch.is_grad_enabled(), torch.is_inference_mode_enabled(), torch.is_autocast_enabled("cpu")
+    numbers = torch.get_default_dtype(), str(torch.get_default_device()), torch.get_float32_matmul_precision()
+    random = torch.default_generator.get_state().numpy().tobytes(), pickle.dumps(np.random.get_state())  # noqa: NPY002
+    return *modes, *numbers, *random, torch.get_num_threads(), str(np.geterr())
+
+
+@pytest.fixture
+def few(example, monkeypatch):
+    """Two scenes, and fits of three steps."""
+    for stage, steps in (("clearance", 3), ("train", 3), ("irl", {"maxent": 3, "ranked": 3})):
+        monkeypatch.setitem(library.TRAINING[stage], "steps", steps)
+    monkeypatch.setitem(library.TRAINING["irl"], "n_augmentations", 2)
+    return [array[:2] for array in example]
+
+
+def all_results(data, variant: str, folder: Path) -> list:
+    """What every public function makes of images with and without the item, paths and labels."""
+    images, images_without, z_theta, valid = data
+    model = pipeline.fit(images, z_theta, valid, variant=variant)
+    pipeline.save(model, folder / "model.safetensors")
+    again = pipeline.load(folder / "model.safetensors")
+    repaired = pipeline.repair(again, images, z_theta)
+    effect = pipeline.effect(model, images_without, images, z_theta)
+    return [(folder / "model.safetensors").read_bytes(), repaired.tobytes(), effect]
+
+
+def assert_undisturbed(names, seed: int, expected: list, *arguments) -> None:
+    """All results under these surroundings are the expected ones, and the surroundings stay."""
+    torch.manual_seed(seed)
+    with ExitStack() as around:
+        for name in names:
+            around.enter_context(SURROUNDINGS[name]())
+        before = state()
+        assert all_results(*arguments) == expected
+        assert state() == before
+
+
+def test_the_callers_torch_changes_no_result_and_stays_as_it_was(few, tmp_path):
+    expected = all_results(few, "clearance", tmp_path)
+
+    @settings(max_examples=8, deadline=None, database=None)
+    @given(st.lists(st.sampled_from(list(SURROUNDINGS)), unique=True, min_size=1), st.integers(0, 99))
+    def draw(names: list[str], seed: int):
+        assert_undisturbed(names, seed, expected, few, "clearance", tmp_path)
+
+    draw()
+
+
+@pytest.mark.parametrize("variant", ["irl_ranked", "full"])
+def test_nor_do_all_surroundings_at_once_whatever_the_variant(few, variant: str, tmp_path):
+    expected = all_results(few, variant, tmp_path)
+    assert_undisturbed(SURROUNDINGS, 1, expected, few, variant, tmp_path)
+
+
+def weights(data, variant: str = "irl_ranked") -> list[bytes]:
+    images, _, z_theta, valid = data
+    return [w.numpy().tobytes() for w in pipeline.fit(images, z_theta, valid, variant=variant).state_dict().values()]
+
+
+def test_fits_in_threads_do_not_mix_and_a_process_forked_meanwhile_does_not_wait_for_ever(few):
+    expected, before = weights(few), state()
+    with ThreadPoolExecutor(4) as pool:
+        fits = [pool.submit(weights, few) for _ in range(4)]
+        with get_context("fork").Pool(1) as child:
+            assert child.apply_async(weights, [few]).get(timeout=60) == expected
+        assert [fit.result() for fit in fits] == [expected] * 4
+    assert state() == before
+
+
+def test_a_fit_has_one_thread_and_shows_its_progress_on_request(few, monkeypatch, capfd):
+    counts, keep = [], library._Bar.keep
+    monkeypatch.setattr(library._Bar, "keep", lambda *a: (counts.append(torch.get_num_threads()), keep(*a)))
+    images, _, z_theta, valid = few
+    pipeline.fit(images, z_theta, valid)
+    assert set(counts) == {1} and not capfd.readouterr().err
+    pipeline.fit(images, z_theta, valid, progress=True)
+    assert "3/3" in capfd.readouterr().err
 
 
 def test_one_model_is_a_t_test_over_scenes_corrected_for_skewness(example, monkeypatch):

@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import yaml
@@ -37,13 +38,8 @@ def audit(clone: Path) -> list[Checked]:
     """Return every check of a commit in its clone (`pipeline.audit.revision.checked_out`)."""
     locks, status = read_locks(clone), json.loads(dvc(clone, "status", "--json"))
     status = {stage: entries for stage, entries in status.items() if ".dvc" not in stage}  # stage -> what changed
-    return [
-        stages(clone, locks, status),
-        parameters(clone),
-        outputs(clone, locks, status),
-        provenance(clone, locks),
-        readme(clone),
-    ]
+    by_status = stages(clone, locks, status), parameters(clone), outputs(clone, locks, status)
+    return [*by_status, provenance(clone, locks), readme(clone)]
 
 
 def read_locks(clone: Path) -> dict[str, dict]:
@@ -101,12 +97,10 @@ def _changes(clone: Path, status: dict[str, list], kind: str) -> list[Fault]:
     ignored = run(command, clone, capture_output=True)
     kept_by_dvc, faults = set(ignored.stdout.splitlines()), []
     for stage, entries in status.items():
-        changed = {
-            name: how for entry in entries if isinstance(entry, dict) for name, how in entry.get(kind, {}).items()
-        }
+        changed = [entry.get(kind, {}).items() for entry in entries if isinstance(entry, dict)]
         texts = [
             f"{', '.join(how)} in {name}" if isinstance(how, dict) else f"{name} is {how}"  # {parameter: modified}
-            for name, how in changed.items()
+            for name, how in chain(*changed)
             if how != "not in cache" and not (how == "deleted" and name in kept_by_dvc)
         ]
         if kind == "changed deps":

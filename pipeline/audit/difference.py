@@ -39,16 +39,6 @@ class Commit(NamedTuple):
         listed = git(self.repository, "ls-tree", "--name-only", self.revision, path)
         return git(self.repository, "show", f"{self.revision}:{path}") if listed else ""
 
-    def files(self, suffix: str) -> list[str]:
-        """Return the paths of all files with this suffix."""
-        names = git(self.repository, "ls-tree", "-r", "--name-only", self.revision).splitlines()
-        return [name for name in names if name.endswith(suffix)]
-
-    def table(self, path: str) -> pd.DataFrame | None:
-        """Return a csv; None if the commit has no such file."""
-        text = self.file(path)
-        return parse_csv(text, ("headline",)) if text else None
-
     def headlines(self) -> dict[str, Any]:
         """Return reports/metrics.json, flat: accuracy.full.new_items -> number; raise InputError if it is missing."""
         text = self.file(METRICS)
@@ -85,17 +75,17 @@ def compare(before: Commit, after: Commit) -> Difference:
                 numbers.append((name, x, y, None if x is None or y is None else y - x))
     pinned, pinned_now = (commit.file(LOCKS).splitlines() for commit in (before, after))
     packages = difflib.unified_diff(pinned, pinned_now, lineterm="", n=0)
-    seeds = before.table(SEEDS), after.table(SEEDS)
+    seeds = [commit.file(SEEDS) for commit in (before, after)]
+    tracked = git(after.repository, "ls-tree", "-r", "--name-only", after.revision).splitlines()
+    data = {path: [DATA.findall(x.file(path)) for x in (before, after)] for path in tracked if path.endswith(".dvc")}
     return Difference(
         claims=claims,
         headlines=sorted(numbers, key=lambda line: line[3] is None),  # numbers that only one of them has come last
         parameters=[(n, was.get(n), now.get(n)) for n in sorted({*was, *now}) if was.get(n) != now.get(n)],
         packages=[line for line in packages if re.match(r"[+-]\w", line)],
-        data=[
-            path for path in after.files(".dvc") if DATA.findall(before.file(path)) != DATA.findall(after.file(path))
-        ],
+        data=[path for path, (old_md5, new_md5) in data.items() if old_md5 != new_md5],
         processors=_processors(before, after),
-        by_seed=pd.DataFrame() if seeds[0] is None or seeds[1] is None else paired(*seeds),
+        by_seed=paired(*(parse_csv(text, ("headline",)) for text in seeds)) if all(seeds) else pd.DataFrame(),
     )
 
 
@@ -136,17 +126,10 @@ def paired(old: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
     both = new.merge(old, on=[column for column in old if column != "value"], suffixes=("_after", "_before"))
     both = both.dropna(subset=["value_before", "value_after"])
     both["difference"] = (both["value_after"] - both["value_before"]).round(DECIMALS)
-    table = both.groupby(keys, sort=False).agg(
-        before=("value_before", "mean"),
-        after=("value_after", "mean"),
-        difference=("difference", "mean"),
-        seeds=("difference", "size"),
-        error=("difference", "sem"),
-        lowest=("difference", "min"),
-        highest=("difference", "max"),
-    )
-    table = table.reset_index()
-    low, high, seeds, error = (table.pop(name) for name in ("lowest", "highest", "seeds", "error"))
+    columns = {name: (f"value_{name}", "mean") for name in ("before", "after")} | {"difference": ("difference", "mean")}
+    columns |= {how: ("difference", how) for how in ("min", "max", "size", "sem")}
+    table = both.groupby(keys, sort=False).agg(**columns).reset_index()
+    low, high, seeds, error = (table.pop(how) for how in ("min", "max", "size", "sem"))
     equal, tested = (low == 0) & (high == 0), (seeds >= MIN_PAIRS) & (low < high)
     difference, error, freedom = table["difference"], error.where(tested), (seeds - 1).clip(lower=1)
     p = np.where(tested, 2 * t.sf(difference.abs() / error, freedom), 1.0)
@@ -156,11 +139,6 @@ def paired(old: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
     within = (table["ci_low"] > -SAME) & (table["ci_high"] < SAME)
     cases = [clear & (difference > 0), clear & (difference < 0), within | equal]
     return table.assign(word=np.select(cases, ["better", "worse", "same"], "undecided"))
-
-
-def p_text(p: float) -> str | None:
-    """Return a p-value as pages show it; None for NaN."""
-    return None if np.isnan(p) else "< 0.001" if p < 0.001 else f"{p:.3f}"
 
 
 def untested(row: Any) -> str:

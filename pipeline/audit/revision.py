@@ -28,9 +28,8 @@ def make_clone(root: Path, commit: str, clone: Path, left_out: Sequence[str] = (
     """
     as_committed = ["--config", "core.autocrlf=false"]  # locks name bytes
     git(root, "clone", "--quiet", "--shared", "--no-checkout", *as_committed, str(root), str(clone))
-    git(
-        clone, "fetch", "--quiet", "origin", commit
-    )  # a shallow repository's clone shares no objects, and has branches alone
+    # a shallow repository's clone shares no objects, and has branches alone
+    git(clone, "fetch", "--quiet", "origin", commit)
     if left_out:
         git(clone, "sparse-checkout", "set", "--no-cone", "/*", *(f"!/{folder}/" for folder in left_out))
     git(clone, "checkout", "--quiet", "--detach", commit)

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from pipeline.audit.consistency import Checked, Fault
-from pipeline.audit.difference import METRICS, Difference, p_text, untested
+from pipeline.audit.difference import METRICS, Difference, untested
 from pipeline.audit.rerun import Output
 
 WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
@@ -33,17 +33,13 @@ def _faults(faults: Sequence[Fault]) -> str:
     return items(f"{message}{counts[message]}: {', '.join(names)}" for message, names in places.items())
 
 
-def of_rerun(title: str, outputs: Sequence[Output], difference: Difference) -> str:
+def of_rerun(title: str, outputs: Sequence[Output], d: Difference) -> str:
     """Return what running a commit again gave: how many outputs have the same bytes, and what that did to results."""
     other = [(output.stage, output.path) for output in outputs if not output.identical]
-    d, word = difference, "changed"
-    if not other:
-        word = "identical"
-    elif headlines_ran(outputs) and not d.claims and len(d.by_seed) and (d.by_seed["word"] == "same").all():
-        word = "equal"
+    same = headlines_ran(outputs) and not d.claims and len(d.by_seed) and (d.by_seed["word"] == "same").all()
+    word = ("equal" if same else "changed") if other else "identical"
     count = f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes."
-    sections = {"Other outputs": table(["stage", "output"], other)} | _differences(d)
-    return _page(f"{title}: {word}", count, sections)
+    return _page(f"{title}: {word}", count, {"Other outputs": table(["stage", "output"], other)} | _differences(d))
 
 
 def headlines_ran(outputs: Sequence[Output]) -> bool:
@@ -51,12 +47,12 @@ def headlines_ran(outputs: Sequence[Output]) -> bool:
     return any(output.path == METRICS for output in outputs)
 
 
-def of_difference(before: str, after: str, difference: Difference) -> str:
+def of_difference(before: str, after: str, d: Difference) -> str:
     """Return what differs between two commits: claims first, then headlines, then their possible causes.
 
     It begins with how many claims changed their verdict, and how many headlines have each word.
     """
-    d, sections = difference, _differences(difference)
+    sections = _differences(d)
     counts = d.by_seed["word"].value_counts() if len(d.by_seed) else {}
     words = ", ".join(f"{counts[word]} {word}" for word in WORDS if word in counts) or "no headlines by seed"
     lead = f"Verdicts that changed: {len(d.claims)}. Headlines: {words}."
@@ -96,24 +92,24 @@ def _paired(by_seed: pd.DataFrame) -> str:
     for row in by_seed[~zero].sort_values("word", key=lambda words: words.map(WORDS.index)).itertuples():
         interval = untested(row) or f"{row.ci_low:.2g} to {row.ci_high:.2g}"
         difference = f"{row.difference:+.3g} ({interval})"
-        rows.append((row.word, f"`{row.headline}`", row.before, row.after, difference, p_text(row.p_holm), row.seeds))
+        p = None if pd.isna(row.p_holm) else "< 0.001" if row.p_holm < 0.001 else f"{row.p_holm:.3f}"
+        rows.append((row.word, f"`{row.headline}`", row.before, row.after, difference, p, row.seeds))
     same = f"{'Others' if rows else 'Headlines'} with the same values for every seed: {zero.sum()}."
     return "\n\n".join(part for part in (table(PAIRED, rows), same if zero.any() else "") if part)
 
 
-def _page(title: str, lead: str, sections: Mapping[str, str] | None = None) -> str:
+def _page(title: str, lead: str, sections: Mapping[str, str]) -> str:
     """Return Markdown: a title, what comes first, and the sections that are not empty."""
-    parts = [f"## {title}\n\n{content}" for title, content in (sections or {}).items() if content]
+    parts = [f"## {title}\n\n{content}" for title, content in sections.items() if content]
     return "\n\n".join([f"# {title}", lead, *parts]) + "\n"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """Return a Markdown table of at most MAX_LINES rows; "" if there are no rows."""
     lines = ["| " + " | ".join(_cell(value) for value in row) + " |" for row in rows]
-    if not lines:
-        return ""
     more = [f"| ... {len(lines) - MAX_LINES} more" + " |" * len(head)] if len(lines) > MAX_LINES else []
-    return "\n".join(["| " + " | ".join(head) + " |", "| --- " * len(head) + "|", *lines[:MAX_LINES], *more])
+    first = ["| " + " | ".join(head) + " |", "| --- " * len(head) + "|"] if lines else []
+    return "\n".join([*first, *lines[:MAX_LINES], *more])
 
 
 def items(lines: Iterable[str]) -> str:

@@ -10,7 +10,11 @@ from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings, 
 
 ENDS_WITHIN_M = 0.05  # largest distance of a path's ends from start and goal [m]; a hand that is not in a hurry
 MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge, on a table of 1 m
-MIN_SAMPLES = 3  # rows of a demonstration
+MIN_SAMPLES = 4  # rows of a demonstration: its ends, and two that determine a parabola if they lie well apart
+MAX_SPEED_M_S = 9.0  # our choice, on a table of up to 1 m: from corner to corner in 0.16 s, where nobody shows a path
+CLOCK_S = 0.01  # what a step's times may be off by
+STILL, LOST = 0.001, 0.05  # shorter steps are rest; longer ones may be a lost tracker's; relative to the table's side
+FROZEN_ROWS, CATCH_UP, TELEPORT = 3, 2, 5  # rows at rest; how many times faster than usual the step after them, or any
 MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
 
@@ -63,6 +67,46 @@ def check_paths(samples: pd.DataFrame, settings: Settings, faults: Faults) -> No
         unit = f"positions are in metres, and {SETTINGS} sets the {end}"
         far = f"demonstration ({{name}}) {place}: expected at most {ENDS_WITHIN_M:g} m; {unit}"
         faults.rows(file, rows[rows["away"] > ENDS_WITHIN_M], far)
+    _check_motion(samples, settings, faults)
     off = ((samples[["x", "y"]] - side / 2).abs() > (0.5 + MAX_BEYOND_M) * side).any(axis=1)
     far = f"the path is at ({{x:g}}, {{y:g}}) m, far off the table: expected metres from 0 to {side:g}"
     faults.rows(file, samples[off], far)
+
+
+def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
+    """Add faults of paths that no hand makes: lost and frozen trackers, several recordings under one name."""
+    groups, places, side = samples.groupby(KEY, sort=False), ["x", "y"], settings.side_m
+    number, seconds = groups.ngroup(), groups["t"].diff()
+    step, across = (np.hypot(*groups[places].diff(rows).to_numpy().T) for rows in (1, 2))
+    step, across = pd.Series(step, samples.index), pd.Series(across, samples.index).groupby(number).shift(-1)
+    stays = (~(step <= STILL * side)).cumsum()  # numbers the runs of rows at one place, in one demonstration
+    held = stays.groupby(stays).transform("size").shift().where(step.notna(), 0)  # rows at the place before
+    speed = step / (seconds.clip(lower=0) + CLOCK_S)
+    usual = speed.where((step > STILL * side) & (held < FROZEN_ROWS)).groupby(number).transform("quantile", 0.75)
+    faster = (speed / usual.fillna(0)).where(step > LOST * side, 0)  # than the demonstration's usual steps
+    away_and_back = np.minimum(faster, faster.groupby(number).shift(-1)) > CATCH_UP
+    near = min(ENDS_WITHIN_M, np.hypot(*(settings.goal - settings.start)) / 3)
+    at_start, at_goal = (
+        np.hypot(*(samples[places] - end).to_numpy().T) < near for end in (settings.start, settings.goal)
+    )
+    is_corner = np.hypot(*np.transpose([settings.start, settings.goal])).min() < ENDS_WITHIN_M
+    samples = samples.assign(step=step, seconds=seconds, held=held)
+    wrong = {
+        "jumps by {step:.2g} m in {seconds:g} s: remove samples that were lost, and name each recording differently": (
+            (seconds >= 0) & ((speed > MAX_SPEED_M_S * max(side, 1)) | (faster > TELEPORT) & (held < FROZEN_ROWS))
+        ),
+        "stands still for {held:g} rows and then jumps by {step:.2g} m: remove the rows of a frozen tracker": (
+            (held >= FROZEN_ROWS) & (faster > CATCH_UP)
+        ),
+        "leaves its path for one row, to ({x:g}, {y:g}) m: remove samples that were lost": (
+            away_and_back & (across < step)
+        ),
+        "is at (0, 0), where lost samples are logged: remove these rows": (
+            (samples[places] == 0).all(axis=1) & (not is_corner)
+        ),
+        "is back at the start after it was at the goal: give each recording a name of its own": (
+            at_start & pd.Series(at_goal, samples.index).groupby(number).cummax()
+        ),
+    }
+    for sentence, rows in wrong.items():
+        faults.rows(DEMONSTRATIONS, samples[rows], f"demonstration ({{name}}) {sentence}")

@@ -1,11 +1,15 @@
 """Read the files that people write: csv row by row, pictures safely, table.yaml; sentences name what is wrong."""
 
 import csv
+import os
+import re
 import unicodedata
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryFile
+from threading import Lock
 from typing import Annotated, Any
 
 import cv2
@@ -14,11 +18,11 @@ import pandas as pd
 import yaml
 from jaxtyping import UInt8
 from numpy import ndarray as Array
-from pydantic import AllowInfNan, Field, Strict, TypeAdapter, ValidationError
+from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
-from pipeline.world.images import JPEG_SIGNATURE, PNG_SIGNATURE, image_size
+from pipeline.world.images import image_size
 
 DEMONSTRATIONS, ITEMS, CUTOUTS, SETTINGS = "demonstrations.csv", "items.csv", "kinds.csv", "table.yaml"
 SCENES, KINDS = "scenes", "kinds"  # folders with the pictures of tables, and with a folder of cut-outs for each kind
@@ -31,10 +35,11 @@ KEY = ["scene", "user", "demo"]  # of a demonstration
 WORDS = {*KEY, "kind", "file", "valid"}  # columns that hold names, or a word; the others hold numbers
 
 ENDINGS = (".jpg", ".jpeg", ".png")
+UNREAD = (".bmp", ".dng", ".gif", ".heic", ".heif", ".tif", ".tiff", ".webp")  # of pictures that are not read
 MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
 SQUARE_WITHIN = 0.02  # a picture of just the table is square within this share
-END_OF_JPEG, END_OF_PNG = b"\xff\xd9", b"IEND"
-SCAN = 0xDA  # the JPEG segment after which the pixels follow
+DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
+_one_decoder = Lock()  # as it takes descriptor 2
 
 KNOWN = ("side_m", "corners", "rectified", "start", "goal")
 MIN_APART = 0.2  # smallest distance from start to goal, relative to the table's side
@@ -42,9 +47,8 @@ MIN_TABLE_PX = 50  # shortest side of the table in a picture
 SIDES_M = (0.1, 10.0)  # side of a table [m]
 ENDS = {"start": 0.08, "goal": 0.92}  # x and y, the paper's, relative to the table's side
 ORDER = "far left, far right, near right, near left"
-Number = Annotated[float, Strict(), AllowInfNan(False)]
-Pair = tuple[Number, Number]
-METRES = TypeAdapter(Annotated[Number, Field(ge=SIDES_M[0], le=SIDES_M[1])])
+Pair = tuple[FiniteFloat, FiniteFloat]
+METRES = TypeAdapter(Annotated[FiniteFloat, Field(ge=SIDES_M[0], le=SIDES_M[1])])
 PLACE, CORNERS = TypeAdapter(Pair), TypeAdapter(tuple[Pair, Pair, Pair, Pair])
 
 
@@ -62,8 +66,14 @@ class Faults(list[str]):
 
 
 def normal(name: str) -> str:
-    """Return a name without spaces around it and with composed accents, as other computers may decompose them."""
-    return unicodedata.normalize("NFC", name.strip())
+    """Return a name with single, plain spaces and with composed accents, as other computers may decompose them."""
+    return " ".join(unicodedata.normalize("NFC", name).split())
+
+
+def is_printable(name: str) -> bool:
+    """Return whether a name has no control characters; joiners (Persian, emoji) and marks of direction are none."""
+    joining = {c for c in name if unicodedata.category(c) == "Cf" and unicodedata.bidirectional(c) in ("BN", "L", "R")}
+    return "".join(c for c in name if c not in joining).isprintable()
 
 
 def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
@@ -74,10 +84,13 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
-        if text.lower().startswith("sep="):  # a line for Excel alone
-            text = text.partition("\n")[2]
-        separator = max(",;\t", key=text.partition("\n")[0].count)
+        separators = ",;\t"
+        if told := re.match(r'"?sep=(.)"?\1*\r?\n', text, re.IGNORECASE):  # a line for Excel alone
+            text, separators = text[told.end() :], separators + told[1]
+        separator = max(separators, key=text.partition("\n")[0].count)
         header, *rows = list(csv.reader(StringIO(text), delimiter=separator, strict=True)) or [[]]
+        while header and not any(row[len(header) - 1 :][:1] > [""] for row in [header, *rows]):
+            header, rows = header[:-1], [row[: len(header) - 1] + row[len(header) :] for row in rows]  # empty columns
     except UnicodeDecodeError as error:
         raise InputError(f"{path.name} is not UTF-8: save it as “CSV UTF-8”") from error
     except csv.Error as error:
@@ -97,7 +110,7 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     table = pd.DataFrame(list(numbered.values()), index=list(numbered), columns=header, dtype=str).map(normal)
     if separator != ",":
         numbers = [column for column in columns if column not in WORDS]
-        table[numbers] = table[numbers].replace(",", ".", regex=True)
+        table[numbers] = table[numbers].replace(r"^([^.,]*),([^.,]*)$", r"\1.\2", regex=True)
     return table
 
 
@@ -121,11 +134,11 @@ def read_checked(path: Path, scenes: Collection[str] | None, faults: Faults) -> 
         if column == "valid":
             right, expected = cells.str.lower().isin(["true", "false"]), "true or false"
         elif column in WORDS:
-            printable = cells.map(lambda name: bool(name) and name.isprintable())
+            printable = cells.map(lambda name: bool(name) and is_printable(name))
             right, expected = printable.astype(bool), "a name of letters, digits and signs"
         else:
             numbers = pd.to_numeric(cells, errors="coerce").astype(float)
-            right, expected = np.isfinite(numbers), "a number with a decimal point"
+            right, expected = np.isfinite(numbers), "a number with a decimal point, and no other separator"
             table[column] = numbers.where(right)
         faults.rows(file, text[~right], f"{column} is {{{column}!r}}: expected {expected}")
     return table
@@ -133,8 +146,7 @@ def read_checked(path: Path, scenes: Collection[str] | None, faults: Faults) -> 
 
 def listed(folder: Path, *endings: str) -> list[Path]:
     """Return the files in a folder with one of these endings; hidden ones belong to the system, such as `._a.png`."""
-    files = sorted(folder.iterdir())
-    return [file for file in files if file.suffix.lower() in endings and not file.name.startswith(".")]
+    return [file for file in sorted(folder.glob("[!.]*")) if file.suffix.lower() in endings]
 
 
 def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
@@ -142,10 +154,14 @@ def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
     if not (path / SCENES).is_dir():
         faults.append(f"{SCENES}/ is missing: expected a folder with a picture of each scene")
         return {}
+    for file in listed(path / SCENES, *UNREAD):
+        faults.append(
+            f"{SCENES}/{file.name} is not read: expected a name that ends in {', '.join(ENDINGS)}; convert it"
+        )
     scenes: dict[str, Path] = {}
     for file in listed(path / SCENES, *ENDINGS):
         name = normal(file.stem)
-        if not name.isprintable():
+        if not is_printable(name):
             faults.append(f"{SCENES}/{file.name!r} has characters that cannot be printed: rename it")
         elif name in scenes:
             faults.append(f"{SCENES}/{file.name} and {scenes[name].name} are one scene {name!r}: rename one of them")
@@ -164,9 +180,9 @@ def is_square(width: int, height: int) -> bool:
 def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
     """Return a photograph as RGB, turned upright as its EXIF data says.
 
-    Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or truncated.
+    Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or damaged.
     """
-    return cv2.cvtColor(_decoded(path, name, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    return cv2.cvtColor(_decoded(path, name, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH), cv2.COLOR_BGR2RGB)
 
 
 def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
@@ -175,8 +191,8 @@ def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
     Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
     """
     pixels = _decoded(path, name, cv2.IMREAD_UNCHANGED)
-    if pixels.ndim != 3 or pixels.shape[2] != 4 or pixels.dtype != np.uint8:
-        raise InputError(f"{name} has no transparent background: expected an 8-bit RGBA png; cut the object out")
+    if pixels.ndim != 3 or pixels.shape[2] != 4:
+        raise InputError(f"{name} has no transparent background: expected an RGBA png; cut the object out")
     if (highest := pixels[..., 3].max()) <= MIN_VISIBLE_ALPHA:
         raise InputError(f"{name} has an alpha of at most {highest} of 255: expected 255 where the object is")
     if pixels[..., 3].min() == 255:
@@ -185,7 +201,7 @@ def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
 
 
 def _decoded(path: Path, name: str, flag: int) -> Array:
-    """Return the pixels as OpenCV orders them; their number is checked before they are decoded."""
+    """Return the pixels, 8 bits a channel, as OpenCV orders them; their number is checked before they are decoded."""
     try:
         width, height = image_size(path)
     except InputError as error:
@@ -193,21 +209,23 @@ def _decoded(path: Path, name: str, flag: int) -> Array:
     if width * height > MAX_PIXELS:
         most = f"{MAX_PIXELS // 1_000_000} megapixels"
         raise InputError(f"{name} has {width} x {height} pixels: expected at most {most}; scale it down")
-    content = path.read_bytes()
-    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flag) if _is_whole(content) else None
-    if pixels is None:
-        raise InputError(f"{name} is truncated or damaged: expected a whole PNG or JPEG picture; copy it again")
-    return pixels
-
-
-def _is_whole(content: bytes) -> bool:
-    """Return whether a file reaches the end of its picture: OpenCV fills what is missing with grey."""
-    if content.startswith(PNG_SIGNATURE):
-        return END_OF_PNG in content
-    place = len(JPEG_SIGNATURE)
-    while place + 4 <= len(content) and content[place + 1] != SCAN:
-        place += 2 + int.from_bytes(content[place + 2 : place + 4], "big")
-    return content.find(END_OF_JPEG, place) > 0  # an embedded preview, which has an end of its own, comes before
+    with _one_decoder, TemporaryFile() as said:  # libjpeg and libpng write their warnings to descriptor 2
+        before = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            pixels = cv2.imdecode(np.fromfile(path, np.uint8), flag)
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+        said.seek(0)
+        damage = DAMAGE.search(said.read().decode("ascii", "replace"))
+    if pixels is None or damage:
+        why = f" ({damage[0]})" if damage else ""
+        raise InputError(f"{name} is truncated or damaged{why}: expected a whole PNG or JPEG picture; copy it again")
+    if pixels.dtype == np.uint8:
+        return pixels
+    full = 4095 if pixels.max() <= 4095 else 65535  # of 16 bits, nothing would be brighter than 6 %
+    return np.rint(pixels * (255 / full)).astype(np.uint8)
 
 
 @dataclass
@@ -225,22 +243,12 @@ class Settings:
         return self.corners.get(scene) if isinstance(self.corners, dict) else self.corners
 
 
-class _Loader(yaml.SafeLoader):
-    """Reads keys as text: 01 and 20260105_101112 are names of scenes, no numbers."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                key.tag = self.DEFAULT_SCALAR_TAG
-        return super().construct_mapping(node, deep)
-
-
 def read_settings(path: Path) -> Settings:
     """Return the settings of table.yaml, or the defaults; raise InputError with a line for each fault."""
     if not (path / SETTINGS).is_file():
         return check_settings({})
     try:
-        content = yaml.load((path / SETTINGS).read_text(encoding="utf-8"), _Loader)
+        content = yaml.load((path / SETTINGS).read_text(encoding="utf-8"), yaml.BaseLoader)  # 01 is a scene's name
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it") from error
     return check_settings(content or {})
@@ -251,12 +259,13 @@ def check_settings(content: Any) -> Settings:
     if not isinstance(content, dict) or set(content) - set(KNOWN):
         names = ", ".join(map(repr, content)) if isinstance(content, dict) else type(content).__name__
         raise InputError(f"{SETTINGS} holds {names}: expected some of {', '.join(KNOWN)}")
-    side, faults, ends = content.get("side_m", 1.0), list[str](), list[Array]()
-    if _parsed(METRES, side) is None:
-        raise InputError(f"{SETTINGS}: side_m is {side!r}: expected metres from {SIDES_M[0]} to {SIDES_M[1]:g}")
-    rectified, corners = content.get("rectified", "corners" not in content), content.get("corners")
-    if not isinstance(rectified, bool):
-        faults.append(f"rectified is {rectified!r}: expected true or false")
+    faults, ends, corners = list[str](), list[Array](), content.get("corners")
+    side = _parsed(METRES, value := content.get("side_m", 1.0))
+    if side is None:
+        raise InputError(f"{SETTINGS}: side_m is {value!r}: expected metres from {SIDES_M[0]} to {SIDES_M[1]:g}")
+    rectified = _parsed(TypeAdapter(bool), value := content.get("rectified", "corners" not in content))
+    if rectified is None:
+        faults.append(f"rectified is {value!r}: expected true or false")
     for name, share in ENDS.items():
         place = _parsed(PLACE, value := content.get(name, [share * side] * 2))
         if place is None or (place < 0).any() or (place > side).any():
@@ -273,11 +282,11 @@ def check_settings(content: Any) -> Settings:
         faults.append("both corners and `rectified: true` are given, and they exclude each other: remove one of them")
     if faults:
         raise InputError("\n".join(f"{SETTINGS}: {fault}" for fault in faults))
-    return Settings(float(side), corners, rectified, *ends)
+    return Settings(float(side), corners, bool(rectified), *ends)
 
 
 def _parsed(kind: TypeAdapter, value: Any) -> Array | None:
-    """Return the finite numbers in lists that table.yaml holds, or None if they are of another kind."""
+    """Return the numbers that table.yaml holds, as text or as numbers, or None if they are of another kind."""
     try:
         return np.array(kind.validate_python(value), float)
     except ValidationError:

@@ -157,10 +157,10 @@ def calibration(judged: pd.DataFrame) -> pd.DataFrame:
     parts = []
     for (user, predictor), part in judged[judged["share"] == 1].groupby(["user", "predictor"], sort=False):
         bins = reliability(part["p"].to_numpy(), part["valid"].to_numpy(bool), BINS).query("count > 0")
-        n, valid = bins["count"], (bins["count"] * bins["frequency"]).round()
-        low = np.where(valid == 0, 0, beta.ppf(0.025, valid, n - valid + 1))
-        high = np.where(valid == n, 1, beta.ppf(0.975, valid + 1, n - valid))
-        parts.append(bins.assign(ci_low=low, ci_high=high, user=user, predictor=predictor))
+        valid = (bins["count"] * bins["frequency"]).round().astype(int)
+        exact = [binomtest(*pair).proportion_ci() for pair in zip(valid.tolist(), bins["count"].tolist(), strict=True)]
+        bins[["ci_low", "ci_high"]] = np.array(exact)
+        parts.append(bins.assign(user=user, predictor=predictor))
     return pd.concat(parts, ignore_index=True)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
+from scipy.spatial import KDTree
 
 from pipeline.models.base import Z_RANGE_M, to_tensor
 from pipeline.own import files
@@ -16,10 +17,13 @@ from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, ITEMS, KEY, KIN
 from pipeline.own.frame import Frame, outline, rectify, without_pattern
 from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.errors import InputError
+from pipeline.world.bezier import P_F, P_INIT, curve
 from pipeline.world.bezier_fit import fit
 from pipeline.world.layout import SIDE, point_segment_distance
 
 POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a parabola that misses the hand by more is a poor fit
+MAX_NOISE_GAIN = 2.0  # of a fit; demonstrations of 12 samples evenly along a path have some 0.4
+FOOT_POINTS, WEAKEST = 257, 1e-6  # on a path; information of a control point that no sample determines
 NEAR_M = 0.01  # an item's centre may lie this far outside a detected outline [m of the model]
 
 
@@ -140,11 +144,13 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
             faults.append(f"{SETTINGS}: no corners of {scene}: add them, as for the other scenes")
         elif (canvas := _read_canvas(file, f"{SCENES}/{file.name}", corners, faults)) is not None:
             canvases[scene] = canvas
-    empty, bare = next((file for file in files.listed(path, *ENDINGS) if file.stem.lower() == "empty"), None), None
-    if empty is not None and by_scene:
-        faults.append(f"{empty.name} needs a fixed camera, and corners differ by scene: remove one of them")
-    elif empty is not None:
-        bare = _read_canvas(empty, empty.name, settings.corners_of(""), faults)
+    bare, named = None, [f for f in files.listed(path, *ENDINGS, *files.UNREAD) if f.stem.lower() == "empty"]
+    if len(named) > 1 or any(file.suffix.lower() in files.UNREAD for file in named):
+        faults.append(f"{', '.join(file.name for file in named)}: expected one empty.jpg or empty.png")
+    elif named and by_scene:
+        faults.append(f"{named[0].name} needs a fixed camera, and corners differ by scene: remove one of them")
+    elif named:
+        bare = _read_canvas(named[0], named[0].name, settings.corners_of(""), faults)
     if faults or samples is None:
         return None, faults
     frame = Frame.between(settings.side_m, settings.start, settings.goal)
@@ -158,17 +164,38 @@ def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> p
     """Return one row for each demonstration of `read_samples`, sorted by scene, user and demo.
 
     Columns: scene, user, demo, valid, z_x, z_y (control point of the parabola [m of the model]), residual_m (root mean
-    square distance from the path, metres on the table) and needs_more. Adds a fault for paths out of the models' range.
+    square distance from the path, metres on the table), needs_more and `noise_gain`. Adds a fault for paths out of the
+    models' range, and for those that their samples do not determine.
     """
     offsets = np.append(np.flatnonzero(~samples.duplicated(KEY)), len(samples))
-    fits = fit(frame.to_model(samples[["x", "y"]].to_numpy()), offsets, poor_above_m=POOR_ABOVE_M)
-    demos = samples.iloc[offsets[:-1]]
+    points = frame.to_model(samples[["x", "y"]].to_numpy())
+    fits = fit(points, offsets, poor_above_m=POOR_ABOVE_M)
+    gains = list(map(noise_gain, np.split(points, offsets[1:-1]), fits.z_theta))
+    demos = samples.iloc[offsets[:-1]].assign(noise_gain=gains)
     far = demos[(np.abs(fits.z_theta - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=1)]
     beyond = "demonstration ({name}) swings out farther than the models' paths can: leave it out"
     faults.rows(DEMONSTRATIONS, far, beyond)
-    demos = demos[[*KEY, "valid"]].reset_index(drop=True)
+    loose = "demonstration ({name}) does not determine its path: expected more samples between its ends"
+    faults.rows(DEMONSTRATIONS, demos[demos["noise_gain"] > MAX_NOISE_GAIN], loose)
+    demos = demos[[*KEY, "valid", "noise_gain"]].reset_index(drop=True)
     demos[["z_x", "z_y"]] = fits.z_theta
     return demos.assign(residual_m=fits.residual_m / frame.scale, needs_more=fits.poor)
+
+
+def noise_gain(points: Float[Array, "sample 2"], z_theta: Float[Array, "2"]) -> float:
+    """Return a fitted path's standard deviation, the median along it, per unit of noise in each sample.
+
+    The control point's information is the sum over samples of e e^T, with e = 2 u (1 - u) n the change of the
+    orthogonal distance at the fitted parameter u. The gain counts changes across the path alone: the control point of a
+    straight one may slide along it. The median leaves out the tip of a folded path, where no hand is precise.
+    """
+    u = np.linspace(0, 1, FOOT_POINTS)[:, None]
+    along = (1 - u) * (z_theta - P_INIT) + u * (P_F - z_theta)
+    across = along[:, ::-1] * [-1, 1] / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    change = 2 * u * (1 - u) * across  # e (u, 2)
+    at_samples = change[KDTree(curve(z_theta, FOOT_POINTS)).query(points)[1]]
+    covariance = np.linalg.inv(at_samples.T @ at_samples + WEAKEST * np.eye(2))
+    return float(np.sqrt(np.median((change @ covariance * change).sum(1))))
 
 
 def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -> Array | None:
@@ -194,7 +221,7 @@ def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -
 
 def _read_cutouts(path: Path, faults: Faults) -> dict[str, list[tuple[Array, float]]]:
     """Return each kind's cut-outs with the width of their pictures [m]; add a fault for a kind without one."""
-    folders = {normal(folder.name): folder for folder in sorted(path.glob(f"{KINDS}/*/"))}
+    folders = {normal(folder.name): folder for folder in sorted(path.glob(f"{KINDS}/[!.]*/"))}
     if not (path / CUTOUTS).is_file():
         if folders:
             faults.append(f"{CUTOUTS} is missing: expected the columns kind, file, width_m and a row for each cut-out")

@@ -5,14 +5,21 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.own.__main__ import main
-from pipeline.own.folder import read_folder
+from pipeline.own.demonstrations import check_paths
+from pipeline.own.files import KEY, Faults, check_settings, read_picture
+from pipeline.own.folder import MAX_NOISE_GAIN, fit_demonstrations, noise_gain, read_folder
+from pipeline.own.frame import Frame
 from pipeline.runtime.errors import InputError
-from tests.factories import draw_table
+from pipeline.world.bezier import P_F, P_INIT, basis, curve, random_z_theta
+from pipeline.world.bezier_fit import fit
+from pipeline.world.hand import Hand, simulate
+from tests.factories import composed, draw_table
 from tests.own.folders import SCENES, add_kind, change, edit, make_folder, write_picture
 
 Spoil = Callable[[Path], object]
@@ -38,6 +45,43 @@ def cell(row: int, column: str, value: str) -> Spoil:
 def picture(pixels: np.ndarray, name: str = "scenes/tea.png") -> Spoil:
     """A picture that takes another's place; one in kinds/ lies beside the cut-out of a cup."""
     return lambda path: (name.startswith("kinds/") and add_kind(path), write_picture(path / name, pixels))
+
+
+def keep(path: Path, *rows: float) -> None:
+    """Leave these rows of the first path; 1.5 is halfway between two."""
+    table = pd.read_csv(path / "demonstrations.csv", dtype={"user": str, "demo": str})
+    first = table.index[:12]
+    for column in "txy":
+        table.loc[first[: len(rows)], column] = np.interp(rows, range(12), table.loc[first, column])
+    table.drop(first[len(rows) :]).to_csv(path / "demonstrations.csv", index=False)
+
+
+def freeze(path: Path) -> None:
+    """Rows 5 to 8 of the table, the fourth to the seventh of a path, are one place."""
+    for row in (6, 7, 8):
+        for column in "xy":
+            edit(path, lambda t, row=row, c=column: t.assign(**{c: t[c].where(t.index != row - 2, t[c].iloc[3])}))
+
+
+def shift(path: Path, rows: slice, metres: float) -> None:
+    """Move rows of the first path in x."""
+    table = pd.read_csv(path / "demonstrations.csv", dtype={"user": str, "demo": str})
+    table.loc[table.index[:12][rows], "x"] += metres
+    table.to_csv(path / "demonstrations.csv", index=False)
+
+
+def scale_time(path: Path, factor: float) -> None:
+    edit(path, lambda table: table.assign(t=table["t"].astype(float) * factor))
+
+
+def damaged(path: Path) -> None:
+    """Half of the scan is zero, and the end marker is there."""
+    (path / "scenes" / "tea.png").unlink()
+    noise = np.random.default_rng(0).integers(0, 255, (100, 100, 3), np.uint8)
+    write_picture(file := path / "scenes" / "tea.jpg", noise)
+    content = file.read_bytes()
+    middle = len(content) // 2
+    file.write_bytes(content[:middle] + bytes(len(content) - middle - 2) + content[-2:])
 
 
 def huge(path: Path) -> None:
@@ -80,6 +124,58 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "changing word": (cell(3, "valid", "true"), "row 3: valid changes within demonstration (breakfast, Ana, 0)"),
     "terminal codes": (cell(3, "user", "\x1b[31mAna"), "row 3: user is '\\x1b[31mAna'"),
     "ends elsewhere": (cell(13, "x", "0.5"), "row 13: demonstration (breakfast, Ana, 0) ends at (0.5, 0.92) m, 0.42 m"),
+    "three rows": (
+        lambda p: keep(p, 0, 5, 11),
+        "row 2: demonstration (breakfast, Ana, 0) has 3 rows: expected at least",
+    ),
+    "crowded rows": (lambda p: keep(p, 0, 1, 1.5, 11), "demonstration (breakfast, Ana, 0) does not determine its path"),
+    "drop-out": (
+        lambda p: (change(p, 7, "x", "0"), change(p, 7, "y", "0"), scale_time(p, 0.2)),
+        "row 7: demonstration (breakfast, Ana, 0) jumps by 0.6 m in 0.02 s",
+    ),
+    "drop-out of a slow recording": (
+        lambda p: (change(p, 4, "x", "0"), change(p, 4, "y", "0"), scale_time(p, 10)),
+        "row 4: demonstration (breakfast, Ana, 0) is at (0, 0), where lost samples are logged",
+    ),
+    "spike of a slow recording": (
+        lambda p: (shift(p, slice(5, 6), -0.45), scale_time(p, 10)),
+        "row 7: demonstration (breakfast, Ana, 0) leaves its path for one row, to (0.210165",
+    ),
+    "teleport of a slow recording": (
+        lambda p: (shift(p, slice(5, 11), -0.9), scale_time(p, 10)),
+        "row 7: demonstration (breakfast, Ana, 0) jumps by 0.8",
+    ),
+    "frozen tracker that jitters": (
+        lambda p: (freeze(p), shift(p, slice(4, 5), 2e-4)),
+        "row 9: demonstration (breakfast, Ana, 0) stands still for 4 rows and then jumps by 0.4",
+    ),
+    "picture of another format": (
+        text("scenes/new.HEIC", ""),
+        "scenes/new.HEIC is not read: expected a name that ends",
+    ),
+    "two empty tables": (
+        lambda p: [write_picture(p / name, draw_table()) for name in ("empty.jpg", "empty.png")],
+        "empty.jpg, empty.png: expected one empty.jpg or empty.png",
+    ),
+    "thousands": (
+        lambda p: text("demonstrations.csv", "scene;user;demo;t;x;y;valid\ntea;Ana;0;1.234,5;0,1;0,1;true\n")(p),
+        "row 2: t is '1.234,5': expected a number with a decimal point, and no other separator",
+    ),
+    "two recordings under one name": (
+        lambda p: edit(p, lambda t: t.assign(demo=t["demo"].replace("3", "0"), valid="true").sort_values([*KEY, "t"])),
+        "row 5: demonstration (Mittag, Ana, 0) jumps by 0.16 m in 0 s",
+    ),
+    "one recording after another": (
+        lambda p: edit(p, lambda t: pd.concat([t, t.assign(t="1" + t["t"])]).sort_values(KEY, kind="stable")),
+        "row 14: demonstration (Mittag, Ana, 0) is back at the start after it was at the goal",
+    ),
+    "frozen tracker": (
+        freeze,
+        "row 9: demonstration (breakfast, Ana, 0) stands still for 4 rows and then jumps by 0.4",
+    ),
+    "damaged scan": (damaged, "scenes/tea.jpg is truncated or damaged (Corrupt JPEG data"),
+    "other ending of the settings": (text("table.yml", ""), "table.yml is not read: rename it to table.yaml"),
+    "bidirectional override": (cell(3, "user", "Ana\u202e"), "row 3: user is 'Ana\\u202e'"),
     "one kind of label": (
         lambda p: edit(p, lambda t: t.assign(valid="true")),
         "row 2: all 16 demonstrations of user Ana are valid: expected both",
@@ -144,7 +240,7 @@ def test_all_faults_are_named_at_once_and_alike_rows_only_once(folder: Path, cap
     assert main(["check", "a", "b"]) == 2 and capfd.readouterr().err.startswith("error: ")
 
 
-@pytest.mark.parametrize(("separator", "first"), [(";", "sep=;\n"), ("\t", "")])
+@pytest.mark.parametrize(("separator", "first"), [(";", "sep=;\n"), (";", "sep=;;;;;;;\n"), ("\t", "")])
 def test_semicolons_tabs_and_decimal_commas_of_a_spreadsheet_are_read(folder: Path, separator: str, first: str):
     file = folder / "demonstrations.csv"
     pointed, _ = read_folder(folder)
@@ -157,19 +253,81 @@ def test_semicolons_tabs_and_decimal_commas_of_a_spreadsheet_are_read(folder: Pa
 
 
 def test_names_are_kept_whatever_they_look_like_and_accents_may_be_decomposed(folder: Path):
-    """Numbers with zeros, what pandas takes for missing, other cases, files of the system's own."""
+    """Numbers with zeros, what pandas takes for missing, joiners, other cases, files of the system's own."""
     (folder / "scenes" / "tea.png").rename(folder / "scenes" / "010.PNG")
     (folder / "scenes" / "breakfast.png").rename(folder / "scenes" / "thé.png")
-    users = {"Ana": "NA", "Jürgen": "null"}
+    users = {"Ana": "NA", "Jürgen": "می\u200cخواهم"}
     edit(folder, lambda table: table.replace({"scene": {"tea": "010", "breakfast": "the\u0301"}, "user": users}))
     add_kind(folder)
     (folder / "kinds" / "cup" / "._blue.png").write_bytes(b"of the system")
+    (folder / "kinds" / ".Trashes").mkdir()
     write_picture(folder / "empty.png", draw_table())
     (folder / "empty.png").rename(folder / "Empty.PNG")
     made, faults = read_folder(folder)
-    assert not faults and made is not None and made.empty is not None and made.users == ["NA", "null"]
+    assert not faults and made is not None and made.empty is not None and made.users == ["NA", users["Jürgen"]]
     (folder / "Empty.PNG").unlink()
     lines = [f"  {name}: [[5, 5], [95, 5], [95, 95], [5, 95]]\n" for name in made.scenes]
     (folder / "table.yaml").write_text("".join(["corners:\n", *lines]), encoding="utf-8")
     again, faults = read_folder(folder)
     assert not faults and again is not None and again.scenes == ["010", "Mittag", "thé", "夕食"]
+
+
+def chunk(name: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+
+
+def test_a_picture_whose_profile_or_date_is_odd_is_read(tmp_path: Path):
+    """libpng warns of both: a colour profile that is none, and a time that does not exist."""
+    write_picture(file := tmp_path / "a.png", draw_table())
+    content = file.read_bytes()
+    odd = chunk(b"iCCP", b"x\0\0" + zlib.compress(bytes(200))) + chunk(b"tIME", bytes(7))
+    file.write_bytes(content[:33] + odd + content[33:])
+    np.testing.assert_array_equal(read_picture(file, "a.png"), draw_table())
+    write_picture(file := tmp_path / "b.jpg", draw_table())
+    plain, content = read_picture(file, "b.jpg"), file.read_bytes()
+    file.write_bytes(content[:-2] + b"\x12\x34\x56" + content[-2:])  # as some cameras pad
+    np.testing.assert_array_equal(read_picture(file, "b.jpg"), plain)
+
+
+@pytest.mark.parametrize(("bits", "brightest"), [(12, 255), (16, 255), (14, 64)])
+def test_of_sixteen_bits_twelve_are_known_and_fourteen_are_not(tmp_path: Path, bits: int, brightest: int):
+    grey = np.linspace(0, 2**bits - 1, 100 * 100).reshape(100, 100).astype(np.uint16)
+    (tmp_path / "a.png").write_bytes(cv2.imencode(".png", grey)[1].tobytes())
+    picture = read_picture(tmp_path / "a.png", "a.png")
+    assert picture.dtype == np.uint8 and picture.max() == brightest and picture.min() == 0
+
+
+MOVEMENTS = [
+    {}, {"rate_hz": 1000}, {"rate_hz": 5}, {"rate_hz": 20, "speed_m_s": 2.0}, {"speed_m_s": 0.05},
+    {"tremor_m": 0.01, "rate_hz": 200, "jitter_s": 0.01}, {"drift_m": 0.01}, {"jitter_s": 0.02},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("extreme", MOVEMENTS, ids=str)
+@pytest.mark.parametrize("decimals", [9, 2])
+def test_what_a_hand_does_is_no_fault(extreme: dict, decimals: int):
+    hand, rng, parts = Hand.of({**composed().demos.hand, **extreme}), np.random.default_rng(0), []
+    for demo, z_theta in enumerate(random_z_theta(rng, 40)):
+        rows = pd.DataFrame(simulate(rng, z_theta, hand)[:, :3].round(decimals), columns=["t", "x", "y"])
+        parts.append(rows.assign(scene="a", user="b", demo=f"{demo:03}", valid=True, name=str(demo)))
+    samples, faults = pd.concat(parts, ignore_index=True), Faults()
+    check_paths(samples, check_settings({}), faults)
+    fit_demonstrations(samples, Frame.between(1.0, P_INIT, P_F), faults)
+    assert not faults
+
+
+@pytest.mark.parametrize("rows", [4, 5, 8])
+def test_a_path_that_passes_is_determined_by_its_samples(rows: int):
+    """Irregular exact rows give back the path, or are refused."""
+    rng = np.random.default_rng(rows)
+    z_theta = random_z_theta(rng, 200)
+    u = np.sort(np.column_stack([np.zeros(200), rng.uniform(0, 1, (200, rows - 2)), np.ones(200)]), axis=1)
+    b = basis(u)[..., None]
+    points = b[..., 0, :] * P_INIT + b[..., 1, :] * z_theta[:, None] + b[..., 2, :] * P_F
+    fits = fit(points.reshape(-1, 2), np.arange(0, 200 * rows + 1, rows), poor_above_m=0.01)
+    passed = np.array(list(map(noise_gain, points, fits.z_theta))) <= MAX_NOISE_GAIN
+    misses = [
+        np.linalg.norm(curve(z, 33)[:, None] - curve(true, 999), axis=-1).min(1).max()
+        for z, true in zip(fits.z_theta[passed], z_theta[passed], strict=True)
+    ]
+    assert passed.mean() > 0.5 and max(misses) < 0.02

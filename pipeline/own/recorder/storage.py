@@ -226,10 +226,10 @@ class Recordings:
 
 def _tidy_name(name: str) -> str:
     """Return a name without needless spaces; raise InputError for one that a csv file should not hold."""
-    name = " ".join(files.normal(name).split())
+    name = files.normal(name)
     if not 1 <= len(name) <= MAX_NAME:
         raise InputError(f"the person’s name has {len(name)} characters: expected 1 to {MAX_NAME}")
-    if name[0] in FORMULA or not name.isprintable():
+    if name[0] in FORMULA or not files.is_printable(name):
         raise InputError(
             f"the person’s name {name!r} would be a formula in a spreadsheet, or cannot be printed: change it"
         )
