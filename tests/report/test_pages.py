@@ -140,6 +140,18 @@ def test_a_study_has_a_short_page_whose_links_lead_somewhere(folder: Path):
         assert {path.name for path in folder.glob(f"{kind}/*.{ending}")} == linked
 
 
+TABLES = [*ROOT.glob("reports/tables/*.csv"), *ROOT.glob("studies/*/tables/*.csv")]
+
+
+@pytest.mark.parametrize("path", TABLES, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
+def test_an_interval_stands_behind_the_number_that_it_is_about(path: Path):
+    table = pd.read_csv(path)
+    for low in [column for column in table if column.endswith(", low")]:
+        name = low.removesuffix(", low")
+        rows = table[[low, name, f"{name}, high"]].dropna().to_numpy(float)
+        assert (np.diff(rows) >= -1e-9).all(), name
+
+
 @pytest.fixture
 def study(tmp_path: Path) -> Study:
     """A study whose page prints one number, and its table."""
