@@ -28,11 +28,18 @@ TOP = round(SIDE_M * PX_PER_M)  # side of a drawn top [pixels]
 SEE_THROUGH = 0.5  # mean alpha below which an item lets the table show through
 TOP_USES = 2  # scenes that share a drawn top, each with a turn, tint and light of its own
 MAX_ITEMS = 6
-COUNTS = (0.06, 0.14, 0.24, 0.24, 0.16, 0.1, 0.06)  # chances of 0 .. MAX_ITEMS items
+COUNTS = (0.06, 0.14, 0.24, 0.24, 0.16, 0.1, 0.06)  # chances of 0 .. MAX_ITEMS items, unless the table is full
+FULL_CHANCE, MOST = 0.35, 20  # share of the scenes with up to MOST items
+NEAR_CHANCE, NEAREST = 0.5, 4.0  # share of the scenes whose camera is nearer, by up to this factor
+ASLANT_CHANCE, SLANT = 0.4, (0.25, 1.3)  # share of the scenes seen aslant, and the lean of what stands, over its height
+MAX_LEAN_M = 0.4
 CUTOUT_CHANCE = 0.3  # share of items that are cut-outs of the catalogue; the others are procedural
-KINDS = ("crockery", "glass", "cutlery", "mug", "box")
-SHARES = (0.34, 0.32, 0.22, 0.06, 0.06)  # of the procedural kinds
+KINDS = ("crockery", "glass", "cutlery", "mug", "box", "lying", "tool")
+SHARES = (0.3, 0.27, 0.19, 0.06, 0.06, 0.06, 0.06)  # of the procedural kinds
+STANDING_CHANCE = 0.5  # share of items, in scenes seen aslant, that stand and show their side
+CLEAR_CHANCE = 0.35  # share of what stands or lies that is clear
 MIN_GAP_M = 0.012  # smallest distance between footprints, a pixel; TIGHT_CHANCE of the scenes aim at it
+OVERLAP_CHANCE, OVERLAP_M = 0.08, 0.03  # share of the scenes whose items may cover one another, and how far
 TIGHT_CHANCE = 0.2
 RESURFACED_CHANCE = 0.16  # share of opaque items made translucent, or of the table's colour or material
 PLACES = 96  # random places among which a free one is sought
@@ -150,31 +157,43 @@ def draw_items(
 ) -> tuple[list[Window], list[Drawn]]:
     """Draw the items and the windows of the canvas that they fill; some are made of what tops are made of."""
     count = int(rng.choice(MAX_ITEMS + 1, p=COUNTS))
-    tight, tall = rng.random() < TIGHT_CHANCE, rng.random() < 0.5
+    if rng.random() < FULL_CHANCE:
+        count = int(rng.integers(MOST + 1))
+    near = NEAREST ** rng.random() if rng.random() < NEAR_CHANCE else 1.0
+    aslant, bearing = rng.random() < ASLANT_CHANCE, rng.uniform(-np.pi, np.pi)
+    slant = rng.uniform(*SLANT)
+    gap = -OVERLAP_M * near if rng.random() < OVERLAP_CHANCE else MIN_GAP_M
+    tight, tall = rng.random() < TIGHT_CHANCE, not aslant and rng.random() < 0.5
     segments, radii = np.empty((0, 2, 2)), np.empty(0)
     windows, drawn = [], []
     for _ in range(count):
         kind = "cutout" if rng.random() < CUTOUT_CHANCE else rng.choice(KINDS, p=SHARES)
+        if aslant and rng.random() < STANDING_CHANCE:
+            kind = "standing"
         scale = rng.uniform(0.7, 1.4) if rng.random() < 0.5 else rng.uniform(0.9, 1.1)
         index = int(rng.integers(len(palette.cutouts)))
-        half, radius = size_of(rng, kind, scale, palette, index)
-        place = place_item(rng, half - radius, radius, segments, radii, tight)
+        half, radius = size_of(rng, kind, scale * near, palette, index, slant)
+        angle = bearing + rng.normal(0, 0.1) if kind == "standing" else None
+        place = place_item(rng, half - radius, radius, segments, radii, tight, gap, angle)
         if place is None:
             continue
         centre, angle, segment = place
         segments, radii = np.concatenate([segments, segment[None]]), np.append(radii, radius)
         lean = np.zeros(2) if not tall else (centre - CANVAS_M / 2) * 0.06
-        reach = half + 0.01 + np.abs(lean).max()
+        reach = 1.3 * half + 0.01 + np.abs(lean).max()
         window, frame = frame_of(centre, angle, reach, lamps[0])
         to_item = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         if kind == "cutout":
-            item = cut_out(rng, palette, index, scale, frame)
+            item = cut_out(rng, palette, index, scale * near, frame)
         elif kind == "glass":
             item = draw.clear_glass(rng, frame, radius, to_item @ lean)
-        elif kind in ("cutlery", "box"):
-            item = (draw.cutlery if kind == "cutlery" else draw.box)(rng, frame, half, radius)
+        elif kind in ("standing", "lying"):
+            item = draw.revolved(rng, frame, half, radius, kind == "lying", rng.random() < CLEAR_CHANCE)
+        elif kind in ("cutlery", "box", "tool"):
+            item = {"cutlery": draw.cutlery, "box": draw.box, "tool": draw.tool}[kind](rng, frame, half, radius)
         else:
             item = (draw.mug if kind == "mug" else draw.crockery)(rng, frame, radius)
+        item = item._replace(height_m=item.height_m * near)
         if item.bend_m is not None:
             item = item._replace(bend_m=item.bend_m @ to_item)
         elif rng.random() < RESURFACED_CHANCE:
@@ -204,34 +223,49 @@ def resurfaced(rng: np.random.Generator, item: Drawn, table: Top) -> Drawn:
     return item._replace(rgb=(swatch * light * np.float32(rng.uniform(0.6, 1.4))).astype(np.float32))
 
 
-def size_of(rng: np.random.Generator, kind: str, scale: float, palette: Palette, index: int) -> tuple[float, float]:
-    """Return an item's half-length, ends included, and the radius of its footprint [m]."""
+def size_of(
+    rng: np.random.Generator, kind: str, scale: float, palette: Palette, index: int, slant: float
+) -> tuple[float, float]:
+    """Return an item's half-length, ends included, and the radius of its footprint [m]; slant: lean over height."""
     if kind == "cutout":
         radius = palette.radius_m[index] * scale
         return float(palette.half_length_m[index] * scale + radius), float(radius)
     if kind == "cutlery":
-        return rng.uniform(0.08, 0.1) * scale, 0.013 * rng.uniform(0.7, 1.4)
+        return rng.uniform(0.08, 0.1) * scale, 0.013 * rng.uniform(0.7, 1.4) * max(scale, 1)
+    if kind == "tool":
+        return rng.uniform(0.04, 0.11) * scale, rng.uniform(0.012, 0.035) * scale
+    if kind == "standing":
+        radius = rng.uniform(0.025, 0.05) * scale
+        return radius + min(rng.uniform(0.06, 0.25) * scale * slant, MAX_LEAN_M) / 2, radius
+    if kind == "lying":
+        half = rng.uniform(0.04, 0.12) * scale
+        return half, half * rng.uniform(0.2, 0.6)
     if kind == "box":
         half = rng.uniform(0.05, 0.09) * scale
         return half, half * rng.uniform(0.4, 1)
-    low, high = {"glass": (0.038, 0.05), "mug": (0.045, 0.065), "crockery": (0.055, 0.085)}[kind]
+    large = kind == "crockery" and rng.random() < 0.25
+    low, high = {"glass": (0.038, 0.05), "mug": (0.045, 0.065), "crockery": (0.085, 0.14) if large else (0.055, 0.085)}[kind]
     radius = rng.uniform(low, high) * scale
     return radius, radius
 
 
 def place_item(
-    rng: np.random.Generator, half: float, radius: float, segments: Array, radii: Array, tight: bool
+    rng: np.random.Generator, half: float, radius: float, segments: Array, radii: Array, tight: bool, least: float,
+    angle: float | None,
 ) -> tuple[Array, float, Array] | None:
-    """Return a free place: centre [m] on the canvas, angle and segment; None if there is none."""
+    """Return a free place: centre [m] on the canvas, angle and segment; None if there is none.
+
+    least: smallest gap to others [m]; angle: of the item, None for a random one.
+    """
     low = -0.02 if rng.random() < 0.15 else 0.1
     centres = rng.uniform(low, CANVAS_M - low, (PLACES, 2))
-    angles = rng.uniform(-np.pi, np.pi, PLACES)
+    angles = rng.uniform(-np.pi, np.pi, PLACES) if angle is None else np.full(PLACES, angle)
     arms = np.stack([np.cos(angles), np.sin(angles)], -1) * half
     places = np.stack([centres - arms, centres + arms], 1)
     if not len(radii):
         return centres[0], float(angles[0]), places[0]
     gaps = (segment_distance(places[:, None], segments[None]) - radii).min(1) - radius
-    free = np.flatnonzero(gaps > (MIN_GAP_M if tight else rng.choice([0.015, 0.03])))
+    free = np.flatnonzero(gaps > (least if tight or least < 0 else rng.choice([0.015, 0.03])))
     if not len(free):
         return None
     pick = free[np.argmin(gaps[free])] if tight else free[0]

@@ -224,6 +224,104 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
     return Drawn(straight.astype(np.float32), share, cover > 0.5, height, blocks, bend)
 
 
+PROFILES = {  # widths from foot to mouth, or from one end to the other
+    "cup": ([0, 1], [0.78, 1]),
+    "can": ([0, 0.04, 0.96, 1], [0.94, 1, 1, 0.92]),
+    "bottle": ([0, 0.55, 0.72, 0.78, 0.93, 1], [1, 1, 0.6, 0.36, 0.36, 0.42]),
+    "jar": ([0, 0.75, 0.84, 1], [1, 1, 0.82, 0.82]),
+    "vase": ([0, 0.35, 0.75, 1], [0.6, 1, 0.45, 0.65]),
+    "tube": ([0, 0.8, 0.85, 1], [1, 0.75, 0.45, 0.4]),
+}
+
+
+def revolved(rng: np.random.Generator, frame: Frame, half: float, radius: float, lying: bool, clear: bool) -> Drawn:
+    """Draw a cup, can, bottle, jar, vase or tube along x, its foot to the left, of opaque or clear material.
+
+    lying: seen from above on its side; else it stands and is seen aslant, with its mouth to the right.
+    """
+    kinds = ["bottle", "can", "cup", "jar", "tube"] if lying else ["cup", "can", "bottle", "jar", "vase"]
+    kind = str(rng.choice(kinds, p=[0.3, 0.15, 0.3, 0.15, 0.1]))
+    at, widths = PROFILES[kind]
+    at = np.sort(np.clip(at + rng.normal(0, 0.05, len(at)), 0, 1))
+    x, y, reach = frame.x, frame.y, half if lying else half - radius
+    along = np.clip((x + reach) / max(2 * reach, 1e-4), 0, 1)
+    width = np.interp(along, at, widths).astype(np.float32) * np.float32(radius)
+    if lying:
+        distance = np.maximum(np.abs(y) - width, np.abs(x) - half)
+    else:
+        beyond = np.hypot(np.maximum(np.abs(x) - reach, 0), y)
+        distance = np.where(np.abs(x) <= reach, np.abs(y), beyond) - width
+    mouth = np.float32(widths[-1] * radius)
+    across = np.clip(y / np.maximum(width, 1e-4), -1, 1)
+    side = np.float32(frame.lamp[1])
+    tone = np.clip(rng.uniform(0.5, 0.95) + rng.uniform(0.1, 0.5) * across * side - 0.3 * across**2, 0.08, 1.5)
+    for _ in range(rng.integers(0, 3)):
+        tone = tone + rng.uniform(0, 0.6) * np.exp(-(((across - rng.uniform(-0.9, 0.9)) / rng.uniform(0.05, 0.3)) ** 2))
+    base = colour(rng, saturation=(0, 0.9), value=(0.06, 1))
+    rgb = (base * tone[..., None]).astype(np.float32)
+    low, high = np.sort(rng.uniform(0.05, 0.8, 2))
+    label = ((along > low) & (along < high)).astype(np.float32) * np.float32(rng.random() < 0.55)
+    print_ = decorated(rng, x, y, half) if rng.random() < 0.6 else colour(rng, value=(0.05, 1))
+    rgb += (print_ * tone[..., None] - rgb) * label[..., None]
+    alpha = np.ones(x.shape, np.float32)
+    if clear:
+        edge = np.abs(across) ** rng.uniform(4, 14)
+        alpha = np.clip(rng.uniform(0.02, 0.25) + rng.uniform(0.2, 0.9) * edge + 0.8 * (tone > 1.05) + label, 0, 1)
+    cover = inside(distance.astype(np.float32))
+    if lying:
+        if rng.random() < 0.5:  # a cap
+            cap = (along > rng.uniform(0.85, 0.95))[..., None]
+            rgb = np.where(cap, colour(rng) * tone[..., None], rgb)
+    else:
+        r = np.hypot(x - reach, y) / mouth
+        within, rim = inside((r - 0.9) * mouth)[..., None], np.exp(-(((r - 0.95) / 0.06) ** 2))[..., None]
+        deep = rng.uniform(0.15, 0.9) * np.clip(0.6 + 0.4 * (x - reach) / mouth, 0, 1)[..., None]
+        filling = base * deep if rng.random() < 0.6 else colour(rng) * np.ones_like(deep)
+        rgb += (filling - rgb) * within
+        rgb += (base * rng.uniform(0.7, 1.4) - rgb) * rim * rng.uniform(0.2, 1)
+        if clear:
+            alpha = np.maximum(alpha * (1 - within[..., 0] * 0.7), 0.8 * rim[..., 0] * rng.uniform(0.3, 1))
+    if not lying and not clear and rng.random() < 0.4:  # a handle
+        lift, out = rng.uniform(-0.3, 0.3) * half, radius * rng.uniform(1.0, 1.5)
+        ring = np.hypot((x - lift) / rng.uniform(0.35, 0.7), y - out * rng.choice([-0.8, 0.8])) - radius * 0.55
+        handle = inside((np.abs(ring) - radius * rng.uniform(0.07, 0.16)).astype(np.float32)) * (1 - cover)
+        rgb += (base * rng.uniform(0.6, 1.1) - rgb) * handle[..., None]
+        cover = np.maximum(cover, handle)
+    share = (alpha * cover).astype(np.float32)
+    if not clear:
+        return Drawn(rgb.astype(np.float32), share, cover > 0.5, rng.uniform(0.03, 0.1), cover)
+    pull = np.float32(rng.uniform(-0.8, 0.3)) * cover
+    bend = np.stack([np.zeros_like(x), y * pull], -1)
+    blocks = (cover * rng.uniform(0.1, 0.6)).astype(np.float32)
+    return Drawn(rgb.astype(np.float32), share, cover > 0.5, rng.uniform(0.04, 0.13), blocks, bend)
+
+
+def tool(rng: np.random.Generator, frame: Frame, half: float, breadth: float) -> Drawn:
+    """Draw what has limbs and rings: scissors, pliers, spectacles, keys, a screwdriver, a brush, a cable's plug."""
+    x, y = frame.x, frame.y
+    rgb, cover = np.zeros((*x.shape, 3), np.float32), np.zeros(x.shape, np.float32)
+    joint, turned = rng.uniform(-0.3, 0.3) * half, 1 if frame.lamp[1] > 0 else -1
+    pairs = rng.random() < 0.6
+    splay = breadth * rng.uniform(0.2, 1)
+    for sign in (-1.0, 1.0) if pairs else (1.0,):
+        ends = [(-half * 0.95, -sign * splay), (joint, 0.0), (half * 0.95, sign * splay * rng.uniform(0.1, 1))]
+        thick = breadth * rng.uniform(0.12, 0.45, 3)
+        for (start, stop), first, last in zip(zip(ends, ends[1:]), thick, thick[1:], strict=False):
+            away, t = to_segment(x, y, start, stop)
+            part = inside((away - (first + (last - first) * t)).astype(np.float32))
+            paint = metal(rng, np.clip(away / breadth, -1, 1), t, turned)
+            rgb += (paint - rgb) * part[..., None]
+            cover = np.maximum(cover, part)
+        if rng.random() < 0.6:
+            radius = breadth * rng.uniform(0.4, 0.75)
+            ring = np.hypot((x + half - radius) / rng.uniform(1, 1.6), y + sign * splay) - radius * 0.8
+            filled = rng.random() < 0.25
+            part = inside((ring if filled else np.abs(ring) - radius * rng.uniform(0.12, 0.3)).astype(np.float32))
+            rgb += (colour(rng, saturation=(0, 0.95)) * (1 + 0.2 * y / breadth * turned)[..., None] - rgb) * part[..., None]
+            cover = np.maximum(cover, part)
+    return Drawn(rgb.astype(np.float32), cover, cover > 0.5, rng.uniform(0.003, 0.03), cover)
+
+
 def metal(rng: np.random.Generator, across: Plane, along: Plane, turned: float) -> Float32[Array, "row column 3"]:
     """Return the surface of a long item: polished metal with a strip of light, wood or plastic."""
     kind = rng.random()
