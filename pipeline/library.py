@@ -24,6 +24,7 @@ from tqdm import tqdm
 
 from pipeline.models.base import ValidityModel, check_images, check_paths
 from pipeline.models.trained import build, read_weights
+from pipeline.perception.objects import Objects
 from pipeline.planning.repair import Ascent
 from pipeline.planning.repair import repair as climb
 from pipeline.runtime.errors import InputError
@@ -116,11 +117,17 @@ class Effect(NamedTuple):
 
 @undisturbed()
 def fit(
-    images: Array, z_theta: Array, valid: Array, variant: str = "clearance", seed: int = 0, progress: bool = False
+    images: Array | Objects,
+    z_theta: Array,
+    valid: Array,
+    variant: str = "clearance",
+    seed: int = 0,
+    progress: bool = False,
 ) -> ValidityModel:
     """Fit a model of one user to labelled paths and return it.
 
-    images: uint8 (scene, 100, 100, 3), seen from above, row 0 at the far edge of the 1 m table.
+    images: uint8 (scene, 100, 100, 3), seen from above, row 0 at the far edge of the 1 m table. A clearance model also
+    takes `Objects`: what stands on each table, as somebody told; its model then takes them everywhere.
     z_theta: (scene, n, 2) [m], the control point of each demonstrated path.
     valid: bool (scene, n), the user's labels.
     variant: one of SETTINGS (full, ae, classifier, irl_maxent, irl_ranked, clearance).
@@ -142,6 +149,8 @@ def fit(
         kind = "valid" if valid.all() else "invalid"
         warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=3)
     settings, seed = SETTINGS[variant], int(seed)
+    if isinstance(images, Objects) and settings["kind"] == "clearance":
+        settings = settings | {"model": settings["model"] | {"kinds": images.kinds.shape[-1]}}
     model = build(settings, seed)
     z = np.asarray(z_theta, dtype=np.float64)
     steps = TRAINING[settings["stage"]]["steps"]
@@ -261,6 +270,8 @@ def _check_model(model: Any) -> None:
 def _check_images(images: Any, name: str) -> None:
     """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3) and not black."""
     check_images(images, name)
+    if isinstance(images, Objects):
+        return
     black = ~np.median(images.reshape(len(images), -1, 3), axis=1).any(1)
     if black.any():
         raise InputError(f"{name}[{black.argmax()}] is mostly black: expected the image of a table in each scene")

@@ -73,13 +73,11 @@ class Camera(NamedTuple):
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         seen = cv2.warpPerspective(labels, self.view, (side, side), flags=flags, borderMode=cv2.BORDER_REFLECT)
         result, best = np.zeros((SIDE, SIDE), np.uint8), np.full((SIDE, SIDE), MIN_COVER, np.uint8)
-        number = 0
         for k in range(1, count + 1):
             mask = np.where(seen == k, np.uint8(255), np.uint8(0))
             share = cv2.resize(mask, (SIDE, SIDE), interpolation=cv2.INTER_AREA)
             if (larger := share > best).any():
-                number += 1
-                result[larger], best[larger] = number, share[larger]
+                result[larger], best[larger] = k, share[larger]
         return result
 
 

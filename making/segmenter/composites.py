@@ -21,6 +21,7 @@ from making.segmenter.paint import SIDE_M, Top
 from making.segmenter.tops import FAMILIES as FAMILIES
 from making.segmenter.tops import draw_top
 from making.segmenter.tops import family_names as family_names
+from pipeline.perception.segmenter import LOOKS
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import APPEARANCES, SIDE, SYMBOLS, segment_distance
 
@@ -63,6 +64,7 @@ class Composites(NamedTuple):
     empty: UInt8[Array, "n 100 100 3"]  # the same table, light and camera without items
     family: Array  # names of the tops' families (n,)
     see_through: UInt8[Array, "n 100 100"]  # 1 where the item there lets the table show through
+    look: UInt8[Array, "n 100 100"]  # 1 + number in LOOKS of the item there, 0 for the table
 
 
 def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], palette: Palette) -> Composites:
@@ -73,18 +75,18 @@ def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], p
     if unknown := sorted(set(families) - set(FAMILIES)):
         raise ValueError(f"unknown families {unknown}: expected names from {sorted(FAMILIES)}")
     images, empty = np.empty((2, n, SIDE, SIDE, 3), np.uint8)
-    instances, see_through = np.empty((2, n, SIDE, SIDE), np.uint8)
+    instances, see_through, look = np.empty((3, n, SIDE, SIDE), np.uint8)
     names: list[str] = []
     for scene in range(n):
         if scene % TOP_USES == 0:
             name, top = draw_top(rng, families, TOP)
         names.append(name)
-        images[scene], instances[scene], empty[scene], see_through[scene] = draw_scene(rng, top, palette)
-    return Composites(images, instances, empty, np.array(names), see_through)
+        images[scene], instances[scene], empty[scene], see_through[scene], look[scene] = draw_scene(rng, top, palette)
+    return Composites(images, instances, empty, np.array(names), see_through, look)
 
 
-def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Array, Array, Array, Array]:
-    """Draw one scene on a top; return its picture, instances, picture without items and see-through pixels."""
+def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Array, Array, Array, Array, Array]:
+    """Draw one scene on a top; return its picture, instances, picture without items, see-through pixels and looks."""
     table = turned(rng, top)
     lamps = camera.draw_lamps(rng)
     illumination = camera.draw_illumination(rng, lamps)
@@ -92,15 +94,17 @@ def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Ar
     windows, drawn = draw_items(rng, palette, lamps, table)
     light = camera.shadows(windows, drawn, lamps, rng)
     scene = table * light
-    labels, clear = np.zeros((2, CANVAS, CANVAS), np.uint8)
+    labels, clear, look = np.zeros((3, CANVAS, CANVAS), np.uint8)
     for k, (window, item) in enumerate(zip(windows, drawn, strict=True), 1):
         cover(scene, window, item)
         labels[window][item.silhouette] = k
+        look[window][item.silhouette] = 1 + LOOKS.index(item.look)
         clear[window][item.silhouette] = item.alpha[item.silhouette].sum() < SEE_THROUGH * item.silhouette.sum()
     lens = camera.draw_camera(rng)
     image, empty = (lens.take(rng, lit * illumination) for lit in (scene, table))
     instances = lens.label(labels, len(drawn))
-    return image, instances, empty, lens.label(clear, 1) * (instances > 0)
+    shown = instances > 0
+    return image, instances, empty, lens.label(clear, 1) * shown, lens.label(look, len(LOOKS)) * shown
 
 
 def turned(rng: np.random.Generator, top: Top) -> Top:
@@ -184,7 +188,7 @@ def draw_items(
         window, frame = frame_of(centre, angle, reach, lamps[0])
         to_item = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         if kind == "cutout":
-            item = cut_out(rng, palette, index, scale * near, frame)
+            item = cut_out(rng, palette, index, scale * near, frame)._replace(look=LOOKS[palette.symbol[index]])
         elif kind == "glass":
             item = draw.clear_glass(rng, frame, radius, to_item @ lean)
         elif kind in ("standing", "lying"):
@@ -243,14 +247,20 @@ def size_of(
     if kind == "box":
         half = rng.uniform(0.05, 0.09) * scale
         return half, half * rng.uniform(0.4, 1)
-    large = kind == "crockery" and rng.random() < 0.25
-    low, high = {"glass": (0.038, 0.05), "mug": (0.045, 0.065), "crockery": (0.085, 0.14) if large else (0.055, 0.085)}[kind]
+    dish = (0.085, 0.14) if rng.random() < 0.25 else (0.055, 0.085)
+    low, high = {"glass": (0.038, 0.05), "mug": (0.045, 0.065), "crockery": dish}[kind]
     radius = rng.uniform(low, high) * scale
     return radius, radius
 
 
 def place_item(
-    rng: np.random.Generator, half: float, radius: float, segments: Array, radii: Array, tight: bool, least: float,
+    rng: np.random.Generator,
+    half: float,
+    radius: float,
+    segments: Array,
+    radii: Array,
+    tight: bool,
+    least: float,
     angle: float | None,
 ) -> tuple[Array, float, Array] | None:
     """Return a free place: centre [m] on the canvas, angle and segment; None if there is none.

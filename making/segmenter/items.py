@@ -3,6 +3,7 @@
 Coordinates x, y [m] are an item's own, with its long axis along x. `lamp` is the unit vector towards the lamp in them.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ class Drawn(NamedTuple):
     height_m: float  # reach of its shadow under a lamp at 45 degrees
     blocks: Plane  # share of the light that it keeps from the table
     bend_m: Float[Array, "row column 2"] | None = None  # where a clear item shows the table from, relative to the pixel
+    look: str = "other"  # of `pipeline.perception.segmenter.LOOKS`
 
 
 class Frame(NamedTuple):
@@ -130,7 +132,8 @@ def crockery(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
     alpha = inside((r - 1) * radius)
     heights = {"plate": (0.008, 0.03), "bowl": (0.02, 0.07), "lid": (0.005, 0.03), "lump": (0.02, 0.08)}
     height = rng.uniform(*heights.get(kind, (0.04, 0.1)))
-    return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, height, alpha)
+    look = {"plate": "plate", "bowl": "bowl", "pot": "bowl"}.get(str(kind), "other")
+    return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, height, alpha, look=look)
 
 
 def mug(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
@@ -157,7 +160,8 @@ def mug(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
     rgb = rgb + (hollow - rgb) * within
     cover = np.maximum(inside(r - body), inside(handle.astype(np.float32)))
     glint = np.exp(-(((r - body + wall / 2) / (wall * 0.5)) ** 2)) * np.clip(towards, 0, 1) ** 4 * rng.uniform(0, 0.8)
-    return Drawn((rgb + glint[..., None]).astype(np.float32), cover, cover > 0.5, rng.uniform(0.05, 0.11), cover)
+    rgb = (rgb + glint[..., None]).astype(np.float32)
+    return Drawn(rgb, cover, cover > 0.5, rng.uniform(0.05, 0.11), cover, look="cup")
 
 
 def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Array) -> Drawn:
@@ -221,7 +225,7 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
     bend = np.stack([x * pull, y * pull], -1) * cover[..., None]
     hollow = np.clip(rng.uniform(0.15, 0.6) + 0.8 * np.clip(inner, 0, 1) ** 4, 0, 1) * rng.uniform(0.1, 0.9)
     height, blocks = rng.uniform(0.04, 0.13), (cover * hollow).astype(np.float32)
-    return Drawn(straight.astype(np.float32), share, cover > 0.5, height, blocks, bend)
+    return Drawn(straight.astype(np.float32), share, cover > 0.5, height, blocks, bend, "cup")
 
 
 PROFILES = {  # widths from foot to mouth, or from one end to the other
@@ -287,13 +291,13 @@ def revolved(rng: np.random.Generator, frame: Frame, half: float, radius: float,
         handle = inside((np.abs(ring) - radius * rng.uniform(0.07, 0.16)).astype(np.float32)) * (1 - cover)
         rgb += (base * rng.uniform(0.6, 1.1) - rgb) * handle[..., None]
         cover = np.maximum(cover, handle)
-    share = (alpha * cover).astype(np.float32)
+    share, look = (alpha * cover).astype(np.float32), "cup" if kind == "cup" else "bottle"
     if not clear:
-        return Drawn(rgb.astype(np.float32), share, cover > 0.5, rng.uniform(0.03, 0.1), cover)
+        return Drawn(rgb.astype(np.float32), share, cover > 0.5, rng.uniform(0.03, 0.1), cover, look=look)
     pull = np.float32(rng.uniform(-0.8, 0.3)) * cover
     bend = np.stack([np.zeros_like(x), y * pull], -1)
     blocks = (cover * rng.uniform(0.1, 0.6)).astype(np.float32)
-    return Drawn(rgb.astype(np.float32), share, cover > 0.5, rng.uniform(0.04, 0.13), blocks, bend)
+    return Drawn(rgb.astype(np.float32), share, cover > 0.5, rng.uniform(0.04, 0.13), blocks, bend, look)
 
 
 def tool(rng: np.random.Generator, frame: Frame, half: float, breadth: float) -> Drawn:
@@ -306,7 +310,7 @@ def tool(rng: np.random.Generator, frame: Frame, half: float, breadth: float) ->
     for sign in (-1.0, 1.0) if pairs else (1.0,):
         ends = [(-half * 0.95, -sign * splay), (joint, 0.0), (half * 0.95, sign * splay * rng.uniform(0.1, 1))]
         thick = breadth * rng.uniform(0.12, 0.45, 3)
-        for (start, stop), first, last in zip(zip(ends, ends[1:]), thick, thick[1:], strict=False):
+        for (start, stop), (first, last) in zip(pairwise(ends), pairwise(thick), strict=True):
             away, t = to_segment(x, y, start, stop)
             part = inside((away - (first + (last - first) * t)).astype(np.float32))
             paint = metal(rng, np.clip(away / breadth, -1, 1), t, turned)
@@ -317,7 +321,8 @@ def tool(rng: np.random.Generator, frame: Frame, half: float, breadth: float) ->
             ring = np.hypot((x + half - radius) / rng.uniform(1, 1.6), y + sign * splay) - radius * 0.8
             filled = rng.random() < 0.25
             part = inside((ring if filled else np.abs(ring) - radius * rng.uniform(0.12, 0.3)).astype(np.float32))
-            rgb += (colour(rng, saturation=(0, 0.95)) * (1 + 0.2 * y / breadth * turned)[..., None] - rgb) * part[..., None]
+            paint = colour(rng, saturation=(0, 0.95)) * (1 + 0.2 * y / breadth * turned)[..., None]
+            rgb += (paint - rgb) * part[..., None]
             cover = np.maximum(cover, part)
     return Drawn(rgb.astype(np.float32), cover, cover > 0.5, rng.uniform(0.003, 0.03), cover)
 
@@ -386,7 +391,7 @@ def cutlery(rng: np.random.Generator, frame: Frame, half: float, breadth: float)
         glint = np.exp(-(((u - 0.3) ** 2 + (v + 0.3) ** 2) / 0.05)) * hollow * rng.uniform(0, 0.6)
         rgb = rgb * shade[..., None] + glint[..., None]
     alpha = inside(np.minimum.reduce(parts).astype(np.float32))
-    return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, rng.uniform(0.002, 0.02), alpha)
+    return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, rng.uniform(0.002, 0.02), alpha, look="cutlery")
 
 
 def box(rng: np.random.Generator, frame: Frame, half: float, breadth: float) -> Drawn:

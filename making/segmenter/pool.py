@@ -37,10 +37,11 @@ SOLID_ALPHA = 64  # alpha above which a cut-out counts as solid; what it enclose
 INNER_SHARE, MIN_INNER_M = 0.6, 0.008  # within this share of a footprint's radius, at least this far, an item is sure
 REACH_M = 0.025  # farther than this from every footprint, the table is sure: tall items lean out of their footprints
 
-Part = UInt8[Array, "picture 100 100 10"]  # channels: as named below
+Part = UInt8[Array, "picture 100 100 11"]  # channels: as named below
 COLOURS, EMPTY = slice(3), slice(3, 6)  # of the picture, and of the empty table's
 ITEM, BETWEEN, SEE_THROUGH = 6, 7, 8  # the truth, see `segmenter.Maps`
 KNOWN = 9  # whether item and between are known there
+LOOK = 10  # see `Composites`
 
 
 def draw(rng: np.random.Generator, n: int, data: str) -> list[Part]:
@@ -54,7 +55,7 @@ def draw(rng: np.random.Generator, n: int, data: str) -> list[Part]:
 def pack(pictures: Composites) -> Part:
     """Return pictures as one array, with the truth that the segmenter learns: see `segmenter.MAPS`."""
     truth = [pictures.instances > 0, [between(i) for i in pictures.instances], pictures.see_through > 0]
-    truth.append(np.ones_like(truth[0]))
+    truth += [np.ones_like(truth[0]), pictures.look]
     return np.concatenate([pictures.images, pictures.empty, np.stack(truth, -1).astype(np.uint8)], -1)
 
 
@@ -76,12 +77,13 @@ def draw_scenes(rng: np.random.Generator, n: int, catalogue: Catalogue, palette:
     textures, seeds = rng.choice(catalogue.texture_names("train"), n).tolist(), rng.integers(2**31, size=n).tolist()
     bare = render.render_scenes(empty(n, RULES.slots), textures, seeds, palette)
     images = render.render_scenes(layouts, textures, seeds, palette)
-    instances, see_through = np.zeros((2, n, SIDE, SIDE), np.uint8)
+    instances, see_through, look = np.zeros((3, n, SIDE, SIDE), np.uint8)
     for scene, slot in np.argwhere(layouts.present):
         covered = _solid(layouts, scene, slot, catalogue)
         instances[scene][covered] = slot + 1
         see_through[scene][covered] = APPEARANCES[layouts.symbol[scene, slot]].transparent
-    return Composites(images, instances, bare, np.array(textures), see_through)
+        look[scene][covered] = 1 + layouts.symbol[scene, slot]
+    return Composites(images, instances, bare, np.array(textures), see_through, look)
 
 
 def _solid(layouts: Layouts, scene: int, slot: int, catalogue: Catalogue) -> Array:
@@ -111,10 +113,10 @@ def read_path_traced(folder: Path) -> Part:
 
 
 def _truth(layouts: Layouts, scene: int) -> np.ndarray:
-    """Return item, between, see-through and known of each pixel."""
+    """Return item, between, see-through, known and look of each pixel."""
     place = (np.arange(SIDE) + 0.5) / SIDE
     points = np.stack(np.meshgrid(place, 1 - place), -1)
-    instances, see_through = np.zeros((2, SIDE, SIDE), np.uint8)
+    instances, see_through, look = np.zeros((3, SIDE, SIDE), np.uint8)
     inner, table = np.zeros((SIDE, SIDE), bool), np.ones((SIDE, SIDE), bool)
     for slot in np.flatnonzero(layouts.present[scene]):
         angle, centre = layouts.angle[scene, slot], layouts.centre[scene, slot]
@@ -122,9 +124,11 @@ def _truth(layouts: Layouts, scene: int) -> np.ndarray:
         distance, radius = point_segment_distance(points, centre - half, centre + half), layouts.radius[scene, slot]
         instances[distance < radius] = slot + 1
         see_through[distance < radius] = APPEARANCES[layouts.symbol[scene, slot]].transparent
+        look[distance < radius] = 1 + layouts.symbol[scene, slot]
         inner |= distance < max(INNER_SHARE * radius, MIN_INNER_M)
         table &= distance > radius + REACH_M
-    return np.stack([instances > 0, between(instances), see_through, inner | table], -1).astype(np.uint8)
+    truth = instances > 0, between(instances), see_through, inner | table, look
+    return np.stack(truth, -1).astype(np.uint8)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ P_PATH_TRACED = 0.14  # share of the pictures that are of the path-traced traini
 PATH_TRACED = Path("rendered/pictures/train")
 
 # Weights in the loss: outlines matter most
-DICE, BETWEEN, BETWEEN_DICE, CLEAR = 0.5, 0.5, 0.1, 0.1
+DICE, BETWEEN, BETWEEN_DICE, CLEAR, LOOKS_LIKE = 0.5, 0.5, 0.1, 0.1, 0.1
 TYPICAL_PX, BALANCE = 200, (0.7, 2.5)  # an item's pixels weigh as the root of this area over its own, within bounds
 
 # Changes of a picture each time it is used: turns, colours, noise, fainter items, and patterns on items
@@ -53,13 +53,13 @@ P_PATTERN = 0.18  # probability that an opaque item is painted with a fine patte
 MIN_PATTERN_PX = 60  # smallest item that is painted [pixels]
 
 Inputs = Float[Tensor, "picture 7 100 100"]
-Truth = Float[Tensor, "picture 4 100 100"]  # item, between, see-through, known
+Truth = Float[Tensor, "picture 5 100 100"]  # item, between, see-through, known, look
 
 
 def change(rng: np.random.Generator, pictures: Part) -> tuple[Inputs, Truth]:
     """Return pictures as the segmenter's input and the truth, each of them changed at random."""
     n, levels = len(pictures), np.arange(256, dtype=np.float32) / 255
-    colours, truth = np.empty((n, SIDE, SIDE, 6), np.float32), np.empty((n, SIDE, SIDE, 4), np.uint8)
+    colours, truth = np.empty((n, SIDE, SIDE, 6), np.float32), np.empty((n, SIDE, SIDE, 5), np.uint8)
     for i, picture in enumerate(pictures.copy()):
         paint(rng, picture)
         if rng.random() < P_FADE:
@@ -126,10 +126,12 @@ def _pattern(rng: np.random.Generator, x: Array, y: Array) -> Array:
     return np.clip(0.5 + rng.uniform(0.5, 3) * wave, 0, 1)
 
 
-def loss(log_odds: Float[Tensor, "picture 3 100 100"], truth: Truth) -> Tensor:
-    """Return cross-entropy and Dice loss of items and gaps, plus the cross-entropy of see-through on items' pixels."""
-    truth, known = truth[:, :3], truth[:, 3]
+def loss(outputs: Float[Tensor, "picture 9 100 100"], truth: Truth) -> Tensor:
+    """Return cross-entropy and Dice loss of items and gaps, plus the cross-entropy of what is said of items' pixels."""
+    truth, known, look = truth[:, :3], truth[:, 3], truth[:, 4].long()
+    log_odds, looks = outputs[:, :3], outputs[:, 3:]
     entropy = F.binary_cross_entropy_with_logits(log_odds, truth, reduction="none")
+    looks_like = F.cross_entropy(looks, look - 1, ignore_index=-1)
     weight = known * balance(truth[:, 0])
     item, between = (weight * entropy[:, 0]).mean(), (known * entropy[:, 1]).mean()
     see_through = (entropy[:, 2] * truth[:, 0]).sum() / truth[:, 0].sum().clamp(min=1)
@@ -137,7 +139,8 @@ def loss(log_odds: Float[Tensor, "picture 3 100 100"], truth: Truth) -> Tensor:
     both = (weights * p * truth[:, :2]).sum((0, 2, 3))
     either = (weights * (p + truth[:, :2])).sum((0, 2, 3))
     dice = 1 - (2 * both + 1) / (either + 1)
-    return item + DICE * dice[0] + BETWEEN * between + BETWEEN_DICE * dice[1] + CLEAR * see_through
+    shape = item + DICE * dice[0] + BETWEEN * between + BETWEEN_DICE * dice[1]
+    return shape + CLEAR * see_through + LOOKS_LIKE * looks_like
 
 
 def balance(item: Float[Tensor, "picture 100 100"]) -> Float[Tensor, "picture 100 100"]:

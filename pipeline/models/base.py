@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor, nn
 
+from pipeline.perception.objects import Objects
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 from pipeline.world.layout import SIDE
@@ -24,7 +25,9 @@ SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most
 
 
 def check_images(images: Any, name: str = "images") -> None:
-    """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3)."""
+    """Raise InputError, which calls the argument `name`, unless it is uint8 (scene, 100, 100, 3), or `Objects`."""
+    if isinstance(images, Objects):
+        return
     expected = f"uint8 of shape (scene, {SIDE}, {SIDE}, 3)"
     if not isinstance(images, np.ndarray):
         raise InputError(f"{name} is {type(images).__name__}: expected a NumPy array, {expected}")
@@ -68,7 +71,15 @@ class ValidityModel(nn.Module, ABC):
     def logit(self, percept: Tensor, z_theta: Paths) -> LogOdds:
         """Return the log-odds that each path [m] is valid; differentiable in `z_theta`."""
 
-    def probability(self, images: Images, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path"]:
+    def see(self, scenes: Images | Objects) -> Tensor:
+        """Return the percept of pictures or, if the model takes them, of objects that somebody told."""
+        if isinstance(scenes, Objects):
+            raise InputError(f"{type(self).__name__} sees pictures alone: expected uint8 (scene, {SIDE}, {SIDE}, 3)")
+        return self.perceive(to_tensor(scenes))
+
+    def probability(
+        self, images: Images | Objects, z_theta: Float[Array, "scene path 2"]
+    ) -> Float[Array, "scene path"]:
         """Return P(valid) of each path [m] as float32; switches to `eval()` mode and keeps no gradient.
 
         The caller's autocast and default device do not matter. Raises InputError unless images are uint8
@@ -80,7 +91,7 @@ class ValidityModel(nn.Module, ABC):
         some = [slice(i, i + SCENES_PER_BATCH) for i in range(0, len(images), SCENES_PER_BATCH)]
         with torch.no_grad(), torch.device("cpu"), torch.autocast("cpu", enabled=False):
             z = torch.as_tensor(np.asarray(z_theta, dtype=np.float32))
-            return torch.cat([self.logit(self.perceive(to_tensor(images[s])), z[s]).sigmoid() for s in some]).numpy()
+            return torch.cat([self.logit(self.see(images[s]), z[s]).sigmoid() for s in some]).numpy()
 
     def reconstruction_over_flat(self, images: Images) -> float:
         """Return the root mean square error of decoded images over that of flat ones; NaN where there is no decoder."""

@@ -5,8 +5,9 @@ finer than the image. To each outline a capsule is fitted, all points within `ra
 tell glasses from bowls, plates and cutlery.
 """
 
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -18,7 +19,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.special import entr
 
 from pipeline.perception.background import Pixels
-from pipeline.perception.segmenter import STRIDE, Maps, segment
+from pipeline.perception.segmenter import LOOKS, STRIDE, Maps, segment
 from pipeline.world.layout import SIDE
 
 SUPERSAMPLING = 4  # grid points per pixel along each axis
@@ -27,7 +28,7 @@ MIN_ITEM_PX = 12  # smaller regions are no items [pixels of the image]: a teaspo
 MIN_CORE_PX = 3  # smallest part that is an item of its own where items touch [pixels of the image]
 SQUARE = np.ones((3, 3), np.uint8)  # a pixel and its neighbours
 FEATURES = ("area", "elongation", "length", "width", "see-through", "contrast")  # logarithms; see-through as log-odds
-MAX_OBJECTS = 12  # largest number of objects per image; the largest objects are kept
+MAX_OBJECTS = 20  # largest number of objects per image; the largest objects are kept
 SURE = 0.02  # probabilities of see-through are kept this far from 0 and 1, so that log-odds stay comparable
 MIN_CONTRAST = 1 / 255  # smallest mean difference from the table's colour [1 = white]
 # Mean squared distance of an object's pixels from their neighbours' mean, over the pixels' variance. Shuffled pixels
@@ -85,23 +86,59 @@ class Objects:
     features: Float32[Array, "scene object feature"]
     present: Bool[Array, "scene object"]
     doubt: Float32[Array, " scene"]  # how unsure the detector is of each picture (`doubt`)
+    kinds: Float32[Array, "scene object kind"]  # further features: what each object is, if that is asked or told
+
+    def __len__(self) -> int:
+        """Return the number of scenes."""
+        return len(self.doubt)
+
+    def __getitem__(self, scenes: Array | slice | list[int]) -> "Objects":
+        """Return some of the scenes."""
+        return Objects(*(getattr(self, field.name)[scenes] for field in fields(self)))
+
+    @classmethod
+    def of(cls, scenes: Sequence["Sequence[Object]"], doubt: Sequence[float], kinds: int = len(LOOKS)) -> "Objects":
+        """Return the objects of each scene, the MAX_OBJECTS largest ones, with the first `kinds` of their looks."""
+        shape = len(scenes), MAX_OBJECTS
+        objects = cls(
+            np.zeros((*shape, 2, 2), np.float32),
+            np.zeros(shape, np.float32),
+            np.zeros((*shape, len(FEATURES)), np.float32),
+            np.zeros(shape, bool),
+            np.array(doubt, np.float32),
+            np.zeros((*shape, kinds), np.float32),
+        )
+        for scene, found in enumerate(scenes):
+            for i, one in enumerate(sorted(found, key=lambda one: -one.features[0])[:MAX_OBJECTS]):
+                objects.ends[scene, i], objects.radius[scene, i], objects.present[scene, i] = one.ends, one.radius, True
+                objects.features[scene, i], objects.kinds[scene, i] = one.features, one.looks[:kinds]
+        return objects
 
 
-def detect_objects(images: Pixels, empty: Pixels | None = None) -> Objects:
+class Object(NamedTuple):
+    """One object, as a picture shows it within its outline."""
+
+    ends: Float[Array, "2 2"]  # end points of the capsule's segment [m]
+    radius: float  # of the capsule [m]
+    features: Float[Array, " feature"]  # FEATURES
+    looks: Float32[Array, " look"]  # probability of each of LOOKS
+
+
+def detect_objects(images: Pixels, empty: Pixels | None = None, looks: bool = False) -> Objects:
     """Return the objects detected in each image [1 = white]; images do not affect each other.
 
     `empty`: pictures of the same tables without items, from the same camera in the same light, where there are any.
+    looks: say what each object looks like, as its `kinds` (LOOKS).
     """
-    shape, zeros = (len(images), MAX_OBJECTS), partial(np.zeros, dtype=np.float32)
-    ends, features, present = zeros((*shape, 2, 2)), zeros((*shape, len(FEATURES))), np.zeros(shape, bool)
-    objects = Objects(ends, zeros(shape), features, present, zeros(len(images)))
     tables = [None] * len(images) if empty is None else to_bytes(empty)
-    for scene, (image, table) in enumerate(zip(to_bytes(images), tables, strict=True)):
-        found, objects.doubt[scene] = _detect(image, table)
-        for i, of_object in enumerate(found):
-            objects.ends[scene, i], objects.radius[scene, i], objects.features[scene, i] = of_object
-            objects.present[scene, i] = True
-    return objects
+    found = [_detect(image, table) for image, table in zip(to_bytes(images), tables, strict=True)]
+    return Objects.of([objects for objects, _ in found], [doubt for _, doubt in found], len(LOOKS) if looks else 0)
+
+
+def describe_outlined(image: UInt8[Array, "100 100 3"], outlines: "Sequence[Outline]") -> list[Object]:
+    """Return the objects within given outlines, as the image shows them."""
+    picture = _Picture(image, segment(image))
+    return [picture.describe(outline) for outline in outlines]
 
 
 def to_bytes(images: Pixels) -> list[bytes]:
@@ -114,33 +151,56 @@ def _pixels(image: bytes) -> UInt8[Array, "100 100 3"]:
     return np.frombuffer(image, np.uint8).reshape(SIDE, SIDE, 3)
 
 
-@lru_cache(maxsize=4096)  # 30 kB each; all models use the same images
-def _detect(image: bytes, table: bytes | None) -> tuple[list[tuple[Array, float, Array]], float]:
-    """Return ends, radius and features of the largest objects in an 8-bit image, largest first; and the doubt."""
-    pixels = _pixels(image)
-    maps = segment(pixels, None if table is None else _pixels(table))
-    typical = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
-    contrast = np.linalg.norm(pixels - typical.astype(np.float32), axis=-1) / 255
-    colours = pixels.astype(np.float32)
-    unlike = ((colours - cv2.filter2D(colours, -1, NEIGHBOURS, borderType=cv2.BORDER_REPLICATE)) ** 2).sum(-1)
-    unlike -= np.median(unlike)  # the table's own disorder
-    objects = []
-    for outline in find_outlines(maps):
-        rows, columns = np.nonzero(outline.mask)
-        y, x = (outline.row + rows + 0.5) / SUPERSAMPLING, (outline.column + columns + 0.5) / SUPERSAMPLING  # [pixels]
-        covered, mask = (y.astype(int), x.astype(int)), np.zeros((SIDE, SIDE), np.uint8)
-        mask[covered] = 1
+class _Picture:
+    """Hold an image and all that its objects are described by."""
+
+    def __init__(self, pixels: UInt8[Array, "100 100 3"], maps: Maps):
+        typical = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
+        self.maps, self.colours = maps, pixels.astype(np.float32)
+        self.contrast = np.linalg.norm(pixels - typical.astype(np.float32), axis=-1) / 255
+        mean = cv2.filter2D(self.colours, -1, NEIGHBOURS, borderType=cv2.BORDER_REPLICATE)
+        self.unlike = ((self.colours - mean) ** 2).sum(-1)
+        self.unlike -= np.median(self.unlike)  # the table's own disorder
+
+    def is_noise(self, outline: "Outline") -> bool:
+        """Return whether the pixels in and beside an outline are in no order, as no object's are."""
+        mask = np.zeros((SIDE, SIDE), np.uint8)
+        mask[_pixels_of(*_points_of(outline))] = 1
         around = cv2.dilate(mask, SQUARE) > 0
-        if unlike[around].mean() / colours[around].var(0).sum() >= MAX_TEXTURE_DISORDER:
-            continue
+        return bool(self.unlike[around].mean() / self.colours[around].var(0).sum() >= MAX_TEXTURE_DISORDER)
+
+    def describe(self, outline: "Outline") -> Object:
+        """Return the object within an outline."""
+        x, y = _points_of(outline)
+        covered = _pixels_of(x, y)
         capsule = fit_capsule(np.stack([x, SIDE - y], -1) / SIDE, SUPERSAMPLING * SIDE)
-        share = np.clip(maps.see_through[covered].mean(), SURE, 1 - SURE)
+        share = np.clip(self.maps.see_through[covered].mean(), SURE, 1 - SURE)
         length = 2 * (np.linalg.norm(capsule.half) + capsule.radius)
         sizes = np.log(np.array([capsule.area, capsule.elongation, length, 2 * capsule.radius]))
-        seen = [np.log(share / (1 - share)), np.log(max(float(contrast[covered].mean()), MIN_CONTRAST))]
+        seen = [np.log(share / (1 - share)), np.log(max(float(self.contrast[covered].mean()), MIN_CONTRAST))]
         ends = np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half])
-        objects.append((ends, capsule.radius, np.array([*sizes, *seen])))
-    return sorted(objects, key=lambda of_object: -of_object[2][0])[:MAX_OBJECTS], doubt(maps.item)
+        return Object(ends, capsule.radius, np.array([*sizes, *seen]), self.maps.looks[:, *covered].mean(1))
+
+
+def _points_of(outline: "Outline") -> tuple[Array, Array]:
+    """Return x and y of an outline's points [pixels of the image]."""
+    rows, columns = np.nonzero(outline.mask)
+    return (outline.column + columns + 0.5) / SUPERSAMPLING, (outline.row + rows + 0.5) / SUPERSAMPLING
+
+
+def _pixels_of(x: Array, y: Array) -> tuple[Array, Array]:
+    """Return row and column of the pixel that holds each point."""
+    return y.astype(int), x.astype(int)
+
+
+@lru_cache(maxsize=4096)  # 30 kB each; all models use the same images
+def _detect(image: bytes, table: bytes | None) -> tuple[list[Object], float]:
+    """Return the objects in an 8-bit RGB image, and the doubt about it."""
+    pixels = _pixels(image)
+    maps = segment(pixels, None if table is None else _pixels(table))
+    picture = _Picture(pixels, maps)
+    outlines = [outline for outline in find_outlines(maps) if not picture.is_noise(outline)]
+    return list(map(picture.describe, outlines)), doubt(maps.item)
 
 
 class Outline(NamedTuple):

@@ -20,8 +20,9 @@ from torch.nn import functional as F
 from pipeline.runtime.errors import InputError
 
 WEIGHTS = Path(__file__).with_name("segmenter.safetensors")
-CHANNELS = 24, 32, 64, 96  # at 1/2, 1/4, 1/8 and 1/16 of the image's resolution
-MAPS = ("item", "between", "see_through")  # what each output says of a pixel, see `Maps`
+CHANNELS = 32, 64, 128, 192  # at 1/2, 1/4, 1/8 and 1/16 of the image's resolution
+MAPS = ("item", "between", "see_through")  # what the first outputs say of a pixel, see `Maps`
+LOOKS = ("bowl", "plate", "cutlery", "cup", "bottle", "other")  # what an item looks like: the other outputs
 INPUTS = 7  # colours, differences from the empty table's colours, and whether that is known
 STRIDE = 3  # median and spread are those of every third row and column
 Pictures = Float32[Array, "scene 100 100 3"]  # [1 = white]
@@ -34,6 +35,7 @@ class Maps(NamedTuple):
     item: Float32[Array, "row column"]  # an item covers it
     between: Float32[Array, "row column"]  # two items are within two pixels
     see_through: Float32[Array, "row column"]  # the item there, if any, lets the table show through
+    looks: Float32[Array, "look row column"]  # what the item there, if any, looks like, of LOOKS
 
 
 class Segmenter(nn.Module):
@@ -48,10 +50,10 @@ class Segmenter(nn.Module):
         self.down = nn.ModuleList(_two_layers(a, b, normalised) for a, b in pairwise(widths))
         self.lift = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in pairwise(CHANNELS))
         self.up = nn.ModuleList(_two_layers(a, a, normalised) for a in CHANNELS[:-1])
-        self.head = nn.Conv2d(CHANNELS[0], 4 * len(MAPS), 1)
+        self.head = nn.Conv2d(CHANNELS[0], 4 * len(MAPS + LOOKS), 1)
 
-    def forward(self, inputs: Float[Tensor, "scene 7 100 100"]) -> Float[Tensor, "scene 3 100 100"]:
-        """Return the log-odds of each of MAPS."""
+    def forward(self, inputs: Float[Tensor, "scene 7 row column"]) -> Float[Tensor, "scene 9 row column"]:
+        """Return the log-odds of each of MAPS, and the unnormalised log-probabilities of LOOKS."""
         x, skipped = F.pixel_unshuffle(inputs, 2), []  # (scene, 28, 50, 50)
         for depth, layers in enumerate(self.down):
             x = layers(F.max_pool2d(x, 2, ceil_mode=True) if depth else x)
@@ -88,8 +90,9 @@ def segment(image: UInt8[Array, "100 100 3"], empty: UInt8[Array, "100 100 3"] |
     """Return the maps of one image; images are segmented one by one, so that they never change each other's bits."""
     white = np.float32(255)
     inputs = network_input(image[None] / white, None if empty is None else empty[None] / white)
-    probabilities = read_segmenter()(inputs)[0].sigmoid().mul(255).round().div(255)
-    return Maps(*probabilities.numpy())
+    outputs = read_segmenter()(inputs)[0]
+    maps = outputs[: len(MAPS)].sigmoid().mul(255).round().div(255)
+    return Maps(*maps.numpy(), outputs[len(MAPS) :].softmax(0).numpy())
 
 
 @cache

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from torch import Tensor
 
-from pipeline.models.base import Images, ValidityModel, to_tensor
+from pipeline.models.base import Images, ValidityModel
 from pipeline.world.bezier import Z_HIGH, Z_LOW, lattice
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, clearance, slack, valid
@@ -66,7 +66,7 @@ def nearest(
 @torch.no_grad()
 def by_model(model: ValidityModel, images: Images) -> LogValid:
     """Return a model's log P(valid) in these scenes; the model perceives each scene once."""
-    return by_percept(model, model.eval().perceive(to_tensor(images)))
+    return by_percept(model, model.eval().see(images))
 
 
 def by_percept(model: ValidityModel, percept: Tensor) -> LogValid:

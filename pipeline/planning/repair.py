@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 from torch import Tensor
 
-from pipeline.models.base import Images, ValidityModel, to_tensor
+from pipeline.models.base import Images, ValidityModel
 from pipeline.runtime.roots import square_root
 from pipeline.runtime.settings import Count, Group, Size
 from pipeline.world.bezier import Z_HIGH, Z_LOW
@@ -45,7 +45,7 @@ def repair(model: ValidityModel, images: Images, starts: Float[Array, "scene sta
     The model perceives each scene once; starts do not affect each other.
     """
     with torch.no_grad():
-        percept = model.eval().perceive(to_tensor(images))
+        percept = model.eval().see(images)
     z = torch.as_tensor(np.asarray(starts, dtype=np.float32)).clamp(Z_LOW, Z_HIGH)
     mean, squares = torch.zeros_like(z), torch.zeros_like(z)
     path, log_odds = [z], []

@@ -19,8 +19,8 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from pipeline.models.base import LogOdds, Paths, Pixels, ValidityModel
-from pipeline.perception.objects import FEATURES, detect_objects
+from pipeline.models.base import Images, LogOdds, Paths, Pixels, ValidityModel
+from pipeline.perception.objects import FEATURES, Objects, detect_objects
 from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import P_F, P_INIT, basis
 from pipeline.world.layout import segment_distance
@@ -48,7 +48,7 @@ LATERAL_SCALE_M = 0.02  # lateral distance [m] at which an object counts as full
 GATE_UNIT = 3.0  # unit of the gates of `side` and `progress`, so that one learning rate suits all parameters
 USUAL_OVER_LARGEST = 1.25  # usual doubt over the largest of the training pictures: a new picture may exceed it a little
 UNLIMITED = 1e6  # above any doubt: that of a model that saw no pictures
-Percept = Float[Tensor, "*model scene object 14"]  # `PerceivedObjects`
+Percept = Float[Tensor, "*model scene object column"]  # `PerceivedObjects`
 Chosen = Sequence[int] | slice  # of a model's families
 
 
@@ -58,7 +58,7 @@ class PerceivedObjects(NamedTuple):
     start: Float[Tensor, "*scene object 2"]  # of the capsule's segment [m]
     end: Float[Tensor, "*scene object 2"]  # of the capsule's segment [m]
     radius: Float[Tensor, "*scene object"]  # of the capsule [m]
-    features: Float[Tensor, "*scene object feature"]  # FEATURES, then the logarithm of the gap to a neighbour [m]
+    features: Float[Tensor, "*scene object feature"]  # FEATURES, kinds, and the logarithm of the gap to a neighbour [m]
     present: Float[Tensor, "*scene object"]  # 1 for an object, 0 for an empty slot
     doubt: Float[Tensor, "*scene object"]  # about the picture (perception.objects.doubt), the same in all slots
 
@@ -87,9 +87,9 @@ class ClearanceModel(ValidityModel):
     `relevance` is a logistic function of an object's features and their squares, and of the family's relation between
     object and path. Features are bounded, against extrapolation to objects unlike the training ones. Each member uses
     FEATURES_PER_MEMBER random ones (random subspaces; Ho, 1998), because several sets explain the training objects
-    equally well. `closeness` falls from 1 to 0 around the member's margin, as Student's t distribution with 2 degrees
-    of freedom, whose heavy tails allow for outlines that are far off. `p_nothing_missed` is the probability that no
-    undetected object blocks the path.
+    equally well, and all `kinds` of the objects. `closeness` falls from 1 to 0 around the member's margin, as Student's
+    t distribution with 2 degrees of freedom, whose heavy tails allow for outlines that are far off. `p_nothing_missed`
+    is the probability that no undetected object blocks the path.
 
     A family's weight is its posterior probability against a constant `rate`, by BIC (Schwarz, 1978) on FAMILIES and
     EVIDENCE_PENALTY_NATS: averaged members fit the labels less closely than the best one. Only families in Occam's
@@ -105,13 +105,14 @@ class ClearanceModel(ValidityModel):
     rate: Tensor
     usual_doubt: Tensor
 
-    def __init__(self, members: int, families: Sequence[str] = tuple(FAMILIES)):
+    def __init__(self, members: int, families: Sequence[str] = tuple(FAMILIES), kinds: int = 0):
         super().__init__()
-        self.families, shape, features = tuple(families), (len(families), members), len(FEATURES) + 1
+        self.kinds = kinds
+        self.families, shape, features = tuple(families), (len(families), members), len(FEATURES) + kinds + 1
         start = 0.3 * torch.randn(members, 1 + 2 * features)  # families start alike, so that they compare fairly
         used = torch.rand(members, len(FEATURES)).argsort(-1) < FEATURES_PER_MEMBER
         gap = self.is_family("proximity")[:, None, None].expand(*shape, 1)
-        seen = torch.cat([used.expand(*shape, -1), gap], -1)
+        seen = torch.cat([used.expand(*shape, -1), torch.ones(*shape, kinds), gap], -1)
         self.register_buffer("feature_mask", torch.cat([torch.ones(*shape, 1), seen, seen], -1))  # 1: term is used
         self.weight = nn.Parameter(start.repeat(shape[0], 1, 1))  # coefficients of relevance
         self.margin = nn.Parameter(torch.zeros(shape))  # [MARGIN_UNIT_M]; 0 is the object's outline
@@ -131,7 +132,11 @@ class ClearanceModel(ValidityModel):
 
     def perceive(self, images: Pixels) -> Percept:
         """Return the detected objects (`PerceivedObjects`)."""
-        return pack(**vars(detect_objects(images)))
+        return pack(**vars(detect_objects(images, looks=self.kinds > 0)))
+
+    def see(self, scenes: Images | Objects) -> Percept:
+        """Return the objects that are detected in pictures, or those that somebody told."""
+        return pack(**vars(scenes)) if isinstance(scenes, Objects) else super().see(scenes)
 
     def logit(self, percept: Percept, z_theta: Paths) -> LogOdds:
         """Return the log-odds of validity of each path, times `trust`; differentiable in `z_theta` [m]."""
@@ -204,7 +209,7 @@ def log_odds(log_p: Tensor) -> Tensor:
     return log_p - torch.log(-torch.expm1(log_p))
 
 
-def pack(ends, radius, features, present, doubt) -> Percept:
+def pack(ends, radius, features, present, doubt, kinds) -> Percept:
     """Return the fields of `Objects` as a percept, with the gap [m] to each object's neighbour as last feature."""
     apart = segment_distance(ends[:, :, None].astype(float), ends[:, None].astype(float))
     size, seen = torch.from_numpy(radius), torch.from_numpy(present)
@@ -213,7 +218,7 @@ def pack(ends, radius, features, present, doubt) -> Percept:
     log_gap = torch.where(other, gap, GAP_RANGE_M[1]).amin(-1).clamp(*GAP_RANGE_M).log()
     start, end = torch.from_numpy(ends).unbind(-2)
     doubts = torch.from_numpy(doubt)[:, None].expand(seen.shape).to(size)
-    all_features = torch.cat([torch.from_numpy(features), log_gap[..., None]], -1)
+    all_features = torch.cat([torch.from_numpy(features), torch.from_numpy(kinds), log_gap[..., None]], -1)
     return PerceivedObjects(start, end, size, all_features, seen.float(), doubts).percept()
 
 

@@ -12,9 +12,10 @@ from numpy import ndarray as Array
 from scipy.special import entr
 from torch import Tensor
 
-from pipeline.models.base import to_tensor
+from pipeline.models.base import Images
 from pipeline.models.clearance import clearance
 from pipeline.models.clearance.clearance import ClearanceModel, PerceivedObjects, passes
+from pipeline.perception.objects import Objects
 from pipeline.training import loop
 
 CERTAIN_LOG_ODDS = 1e4  # log-odds of certainty [nat]
@@ -42,9 +43,9 @@ def fit(models, images, z_theta, valid, schedule, seeds, checkpoints=None) -> li
     return loop.fit_varied(partial(_ascend, schedule), set_constant, models, images, z_theta, valid, seeds, checkpoints)
 
 
-def set_feature_scaling(model: ClearanceModel, images: Array) -> Float[Tensor, "scene object 14"]:
+def set_feature_scaling(model: ClearanceModel, images: Images | Objects) -> Float[Tensor, "scene object column"]:
     """Set feature scaling and usual doubt from the training images; return the percepts."""
-    percept = model.perceive(to_tensor(images))
+    percept = model.see(images)
     objects = PerceivedObjects.of(percept)
     features = objects.features[objects.present > 0]
     if len(features) > 1:
@@ -72,7 +73,7 @@ def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> li
     for model, own in zip(models, labels, strict=True):
         model.rate.fill_(loop.rule_of_succession(own))
     percepts = [set_feature_scaling(model, scenes) for model, scenes in zip(models, images, strict=True)]
-    stacked, percept = loop.stack_models(models), torch.stack(percepts)  # (model, scene, object, 14)
+    stacked, percept = loop.stack_models(models), torch.stack(percepts)  # (model, scene, object, column)
     paths = torch.tensor(np.stack(loop.pad_demonstrations(z_theta))).float()
     flat = passes(percept.flatten(0, 1), paths.flatten(0, 1))
     passing = clearance.Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
