@@ -84,5 +84,5 @@ def additions(results: Results) -> Figure:
     figure, axes = panels(1, len(results.added), 2.4 * len(results.added), 2.6)
     for number, (panel, places) in enumerate(zip(axes[0], results.added.values(), strict=True), 1):
         around = outline(places.footprint.ends[0, 0], places.footprint.radius[0, 0] + 2 / SIDE)
-        _draw_numbered(panel, number, places.images_with[0], [around])
+        _draw_numbered(panel, number, places.image, [around])
     return figure

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 from scipy.stats import beta, binomtest
 
@@ -19,6 +19,7 @@ from pipeline import library
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import nearest_demonstration, position_only
 from pipeline.own.folder import Folder
+from pipeline.perception.objects import Objects
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.crossed import estimate, ratio
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
@@ -44,7 +45,7 @@ class UserData:
 
     user: str
     scenes: list[str]
-    images: UInt8[Array, "scene 100 100 3"]
+    objects: Objects
     z_theta: Float[Array, "scene n 2"]  # [m of the model]
     valid: Bool[Array, "scene n"]
     real: Bool[Array, "scene n"]
@@ -60,7 +61,7 @@ class UserData:
         return cls(
             user,
             list(rows),
-            folder.images[[folder.scenes.index(scene) for scene in rows]],
+            folder.seen.objects[[folder.scenes.index(scene) for scene in rows]],
             demos[["z_x", "z_y"]].to_numpy()[index],
             demos["valid"].to_numpy(bool)[index],
             np.arange(counts.max()) < counts[:, None],
@@ -94,7 +95,7 @@ def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
         order = stream("own", data.user, "share", k).permutation(training)
         for share in SHARES:
             model = fit_on(data, np.sort(order[: max(2, round(share * len(order)))]))
-            p[VARIANT, share][test] = model.probability(data.images[test], data.z_theta[test])
+            p[VARIANT, share][test] = model.probability(data.objects[test], data.z_theta[test])
         models.append(model)
         real, queries = data.real[training], data.z_theta[test]
         z, valid = data.z_theta[training][real], data.valid[training][real]
@@ -116,12 +117,13 @@ def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
 
 def fit_on(data: UserData, scenes: Int[Array, " scene"]) -> ValidityModel:
     """Return the model of some of a user's scenes; its seed follows from all that decides it."""
-    arrays = data.images[scenes], data.z_theta[scenes], data.valid[scenes]
+    objects, z_theta, valid = data.objects[scenes], data.z_theta[scenes], data.valid[scenes]
+    arrays = *vars(objects).values(), z_theta, valid
     settings = json.dumps([library.SETTINGS[VARIANT], library.TRAINING[library.SETTINGS[VARIANT]["kind"]]])
     digest = hashlib.sha256(settings.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a few scenes may all be valid: the model then answers one probability
-        return library.fit(*arrays, variant=VARIANT, seed=job_seed("own", digest))
+        return library.fit(objects, z_theta, valid, variant=VARIANT, seed=job_seed("own", digest))
 
 
 def scores(judged: pd.DataFrame) -> pd.DataFrame:
@@ -194,7 +196,7 @@ def disagreement(fitted: Fitted, folder: Folder) -> pd.DataFrame:
     user has demonstrations there. Scenes without any come first, as only they are new to all models.
     """
     paths = np.broadcast_to(lattice(LATTICE_SIDE), (len(folder.scenes), LATTICE_SIDE**2, 2))
-    apart = np.stack([model.probability(folder.images, paths) for model in fitted.fold_models]).std(0).mean(1)
+    apart = np.stack([model.probability(folder.seen.objects, paths) for model in fitted.fold_models]).std(0).mean(1)
     table = pd.DataFrame({"user": fitted.data.user, "scene": folder.scenes, "disagreement": apart.astype(float)})
     table["shown"] = table["scene"].isin(fitted.data.scenes)
     return table.sort_values(["shown", "disagreement"], ascending=[True, False], ignore_index=True)
@@ -211,10 +213,10 @@ def repairs(fitted: Fitted, scale: float) -> pd.DataFrame:
         wrong = np.flatnonzero(~data.valid[scene] & data.real[scene])
         if not len(wrong):
             continue
-        model, image, starts = fitted.unseeing(scene), data.images[[scene]], data.z_theta[[scene]][:, wrong]
-        ends, p_before = library.repair(model, image, starts), model.probability(image, starts)[0]
+        model, seen, starts = fitted.unseeing(scene), data.objects[[scene]], data.z_theta[[scene]][:, wrong]
+        ends, p_before = library.repair(model, seen, starts), model.probability(seen, starts)[0]
         ends[0, p_before > library.ACCEPTED_ABOVE] = starts[0, p_before > library.ACCEPTED_ABOVE]  # not even clipped
-        p_after = model.probability(image, np.nan_to_num(ends))[0]
+        p_after = model.probability(seen, np.nan_to_num(ends))[0]
         moved = np.linalg.norm(ends - starts, axis=-1)[0] / 2 / scale  # a parabola's middle moves half as far
         p_after = np.where(np.isfinite(moved), p_after, np.nan)
         numbers = np.column_stack([p_before, p_after, moved, starts[0], ends[0]])

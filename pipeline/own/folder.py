@@ -10,21 +10,22 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from scipy.spatial import KDTree
 
-from pipeline.models.base import Z_RANGE_M, to_tensor
+from pipeline.models.base import Z_RANGE_M
 from pipeline.own import files
 from pipeline.own.demonstrations import read_samples
-from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, ITEMS, KEY, KINDS, SCENES, SETTINGS, Faults, normal
-from pipeline.own.frame import Frame, outline, rectify, without_pattern
-from pipeline.perception.objects import Objects, detect_objects
+from pipeline.own.empty import Empty, empty_table
+from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCENES, SETTINGS, Faults, normal
+from pipeline.own.frame import Frame, outline, rectify
+from pipeline.own.items import COCO, MASKS, Told, Views, read_items
+from pipeline.own.seen import ALONE, EMPTY, STACK, Seen, look
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT, curve
 from pipeline.world.bezier_fit import fit
-from pipeline.world.layout import SIDE, point_segment_distance
+from pipeline.world.layout import SIDE
 
 POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a parabola that misses the hand by more is a poor fit
 MAX_NOISE_GAIN = 2.0  # of a fit; demonstrations of 12 samples evenly along a path have some 0.4
 FOOT_POINTS, WEAKEST = 257, 1e-6  # on a path; information of a control point that no sample determines
-NEAR_M = 0.01  # an item's centre may lie this far outside a detected outline [m of the model]
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,9 @@ class Folder:
     frame: Frame
     canvases: dict[str, UInt8[Array, "side side 3"]]  # rectified tables by scene
     demos: pd.DataFrame  # a row for each demonstration (`fit_demonstrations`)
-    empty: UInt8[Array, "100 100 3"] | None  # the model's image of the empty table
-    items: pd.DataFrame | None  # scene, kind, x, y, angle_deg, radius_m, half_length_m
+    empty: UInt8[Array, "side side 3"] | None  # the rectified empty table, photographed
+    one_camera: bool  # all pictures show the same table from the same place, as far as table.yaml tells
+    told: dict[str, list[Told]]  # items that somebody outlined, by scene
     cutouts: dict[str, list[tuple[UInt8[Array, "row column 4"], float]]]  # by kind, with width [m]
 
     @property
@@ -47,12 +49,23 @@ class Folder:
     @cached_property
     def images(self) -> UInt8[Array, "scene 100 100 3"]:
         """Return all pictures as the models see them."""
-        return np.stack([self.image(canvas) for canvas in self.canvases.values()])
+        return np.stack([self.frame.image(canvas) for canvas in self.canvases.values()])
 
     @cached_property
-    def objects(self) -> Objects:
-        """Return the objects that are detected in the pictures."""
-        return detect_objects(to_tensor(self.images))
+    def from_pictures(self) -> Empty | None:
+        """Return the empty table as the pictures tell it, where nobody photographed it."""
+        if self.empty is not None or not self.one_camera:
+            return None
+        return empty_table(np.stack(list(self.canvases.values())))
+
+    @cached_property
+    def seen(self) -> Seen:
+        """Return what stands in the pictures."""
+        told, table, way = {self.scenes.index(name): items for name, items in self.told.items()}, self.empty, EMPTY
+        if table is None and self.from_pictures is not None and self.from_pictures.is_useful:
+            table, way = self.from_pictures.canvas, STACK
+        empty = None if table is None else self.frame.image(table)
+        return look(self.images, self.frame, told, empty, ALONE if empty is None else way)
 
     @property
     def users(self) -> list[str]:
@@ -67,8 +80,6 @@ class Folder:
             notes.append(f"{len(unlabelled)} scenes have no demonstration: the report says which to show next")
         if not self.cutouts:
             notes.append(f"no {KINDS}/ with cut-outs: the report cannot ask what users react to")
-        if self.items is None:
-            notes.append(f"no {ITEMS}: the report cannot count detected items")
         more = demos[demos["needs_more"]]
         if len(more):
             notes.append(
@@ -77,31 +88,11 @@ class Folder:
             )
         return notes
 
-    def image(self, canvas: UInt8[Array, "side side 3"]) -> UInt8[Array, "100 100 3"]:
-        """Return a rectified table as the models see it: without its pattern, if there is a picture of it empty."""
-        image = self.frame.image(canvas)
-        return image if self.empty is None else without_pattern(image, self.empty)
-
-    def detected(self, items: pd.DataFrame) -> tuple[pd.DataFrame, int]:
-        """Return one row for each listed item: scene, kind, and whether a detected object covers its centre.
-
-        The number counts the detected objects that cover no listed item, in the scenes that have listed items.
-        """
-        centres, hits, unlisted = self.frame.to_model(items[["x", "y"]].to_numpy()), np.zeros(len(items), bool), 0
-        for name, rows in items.groupby("scene").indices.items():
-            scene = self.scenes.index(str(name))
-            present = self.objects.present[scene]
-            ends = self.objects.ends[scene, present].astype(float)[:, None]
-            away = point_segment_distance(centres[rows], ends[..., 0, :], ends[..., 1, :])  # (object, item)
-            near = away - self.objects.radius[scene, present][:, None] < NEAR_M
-            hits[rows] = near.any(0)
-            unlisted += int((~near.any(1)).sum())
-        return items[["scene", "kind"]].assign(detected=hits), unlisted
-
     def outlines(self, scene: int) -> list[Float[Array, "point 2"]]:
-        """Return the outlines [m of the model] of the objects that were detected in a scene."""
-        present = self.objects.present[scene]
-        return list(map(outline, self.objects.ends[scene, present], self.objects.radius[scene, present]))
+        """Return the outlines [m of the model] of the objects that models see in a scene."""
+        objects = self.seen.objects
+        present = objects.present[scene]
+        return list(map(outline, objects.ends[scene, present], objects.radius[scene, present]))
 
 
 def read_folder(path: Path) -> tuple[Folder | None, Faults]:
@@ -117,7 +108,7 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
         return None, faults
     for file in sorted(path.iterdir()):
         name = file.name.lower().replace(".yml", ".yaml")
-        if name in (SETTINGS, SCENES, KINDS, *files.COLUMNS) and name != file.name:
+        if name in (SETTINGS, SCENES, KINDS, COCO, MASKS, *files.COLUMNS) and name != file.name:
             faults.append(f"{file.name} is not read: rename it to {name}")
     scenes, settings, samples = files.scene_files(path, faults), None, None
     try:
@@ -125,25 +116,20 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
         samples = read_samples(path, scenes, settings, faults)
     except InputError as error:
         faults += str(error).splitlines()
-    items = files.read_checked(path / ITEMS, scenes, faults) if (path / ITEMS).is_file() else None
-    if items is not None:
-        faults.rows(ITEMS, items[items["radius_m"] <= 0], "radius_m is {radius_m:g}: expected metres above 0")
-        short = items[items["half_length_m"] < 0]
-        faults.rows(ITEMS, short, "half_length_m is {half_length_m:g}: expected metres from 0")
-        items = None if items.empty else items.reset_index(drop=True)
     cutouts = _read_cutouts(path, faults)
     if settings is None:
         return None, faults
     by_scene = settings.corners if isinstance(settings.corners, dict) else {}
     for scene in sorted(by_scene.keys() - scenes.keys()):
         faults.append(f"{SETTINGS}: corners of {scene}: {SCENES}/ has no such picture; correct the name")
-    canvases = {}
+    canvases, sizes = {}, {}
     for scene, file in scenes.items():
         corners = settings.corners_of(scene)
         if corners is None and not settings.rectified:
             faults.append(f"{SETTINGS}: no corners of {scene}: add them, as for the other scenes")
-        elif (canvas := _read_canvas(file, f"{SCENES}/{file.name}", corners, faults)) is not None:
-            canvases[scene] = canvas
+        elif (read := _read_canvas(file, f"{SCENES}/{file.name}", corners, faults)) is not None:
+            canvases[scene], sizes[scene] = read
+    told = read_items(path, Views(sizes, settings), faults) if len(sizes) == len(scenes) else {}
     bare, named = None, [f for f in files.listed(path, *ENDINGS, *files.UNREAD) if f.stem.lower() == "empty"]
     if len(named) > 1 or any(file.suffix.lower() in files.UNREAD for file in named):
         faults.append(f"{', '.join(file.name for file in named)}: expected one empty.jpg or empty.png")
@@ -157,7 +143,8 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
     demos = fit_demonstrations(samples, frame, faults)
     if faults:
         return None, faults
-    return Folder(path, frame, canvases, demos, None if bare is None else frame.image(bare), items, cutouts), faults
+    empty = None if bare is None else bare[0]
+    return Folder(path, frame, canvases, demos, empty, not by_scene, told, cutouts), faults
 
 
 def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> pd.DataFrame:
@@ -198,8 +185,8 @@ def noise_gain(points: Float[Array, "sample 2"], z_theta: Float[Array, "2"]) -> 
     return float(np.sqrt(np.median((change @ covariance * change).sum(1))))
 
 
-def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -> Array | None:
-    """Return a rectified picture, or None after a fault."""
+def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -> tuple[Array, tuple[int, int]] | None:
+    """Return a rectified picture with the width and height of the original, or None after a fault."""
     try:
         picture = files.read_picture(file, name)
     except (InputError, OSError) as error:
@@ -214,7 +201,7 @@ def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -
     else:
         canvas = rectify(picture, corners)
         if np.median(canvas.reshape(-1, 3), axis=0).any():
-            return canvas
+            return canvas, (width, height)
         faults.append(f"{name} is black where the table should be: expected a picture of it, or other corners")
     return None
 

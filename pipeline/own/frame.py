@@ -20,7 +20,6 @@ MAX_FINER = 4  # a photograph is warped at up to this many times CANVAS_PX, then
 SMOOTH_PX = 101  # the median that removes objects from the rim which continues the table beyond its edge
 RIM_PX = CANVAS_PX // 100  # the canvas' outermost hundredth repeats its neighbour: nobody marks corners to the pixel
 CIRCLE = np.linspace(0, 2 * np.pi, 48)  # bearings of an outline's points
-MIN_EMPTY = 8  # smallest grey level of the empty table that divides
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class Frame:
         if not self.is_whole_table:
             corners, size, borders = whole(CANVAS_PX, CANVAS_PX), canvas.shape[:2], cv2.BORDER_REPLICATE
             model = self.to_model((corners * [1, -1] + [0, CANVAS_PX]) / CANVAS_PX * self.side_m)
-            matrix = _homography(corners, (model * [1, -1] + [0, 1]) * CANVAS_PX)
+            matrix = homography(corners, (model * [1, -1] + [0, 1]) * CANVAS_PX)
             inside, beyond = (
                 cv2.warpPerspective(layer, matrix, size, borderMode=borders)
                 for layer in (canvas, cv2.medianBlur(canvas, SMOOTH_PX))
@@ -87,7 +86,7 @@ def whole(width: int, height: int) -> Float[Array, "4 2"]:
     return np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
 
 
-def _homography(corners: Float[Array, "4 2"], others: Float[Array, "4 2"]) -> Float[Array, "3 3"]:
+def homography(corners: Float[Array, "4 2"], others: Float[Array, "4 2"]) -> Float[Array, "3 3"]:
     """Return the matrix between places in pixels as OpenCV warps: it counts from the first pixel's centre."""
     return cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), (others - 0.5).astype(np.float32))
 
@@ -100,7 +99,7 @@ def rectify(picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] 
     corners = whole(*picture.shape[1::-1]) if corners is None else corners
     longest = max(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1))
     side = CANVAS_PX * int(np.clip(np.ceil(longest / CANVAS_PX), 1, MAX_FINER))
-    matrix = _homography(corners, whole(side, side))
+    matrix = homography(corners, whole(side, side))
     warped = cv2.warpPerspective(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     canvas = cv2.resize(warped, (CANVAS_PX, CANVAS_PX), interpolation=cv2.INTER_AREA)
     inner = np.ascontiguousarray(canvas[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX])
@@ -111,11 +110,3 @@ def outline(ends: Float[Array, "2 2"], radius: float | np.floating) -> Float[Arr
     """Return the outline of a capsule: all points within `radius` of a segment."""
     circle = radius * np.stack([np.cos(CIRCLE), np.sin(CIRCLE)], -1)
     return np.where((circle @ (ends[1] - ends[0]) > 0)[:, None], ends[1], ends[0]) + circle
-
-
-def without_pattern(
-    images: UInt8[Array, "*scene 100 100 3"], empty: UInt8[Array, "100 100 3"]
-) -> UInt8[Array, "*scene 100 100 3"]:
-    """Return images divided by that of the empty table, times its mean colour: the table becomes plain."""
-    gain = empty.reshape(-1, 3).mean(0) / np.maximum(empty.astype(float), MIN_EMPTY)
-    return np.clip(np.rint(images * gain), 0, 255).astype(np.uint8)

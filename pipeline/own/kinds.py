@@ -17,7 +17,7 @@ from pipeline import library
 from pipeline.causal.envelope import dose_grid, paths_at_doses, radius
 from pipeline.own.fitting import Fitted
 from pipeline.own.folder import Folder
-from pipeline.own.frame import CANVAS_PX, Frame
+from pipeline.own.frame import CANVAS_PX, Frame, outline
 from pipeline.perception.objects import Capsule, Objects, fit_capsule
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import by_item
@@ -43,29 +43,33 @@ class Added:
     """One kind, composited at random free places: a row for each place."""
 
     scene: Array  # number of the scene
-    images: UInt8[Array, "row 100 100 3"]
-    images_with: UInt8[Array, "row 100 100 3"]
+    image: UInt8[Array, "100 100 3"]  # of the first place, with the object
+    seen: Objects
+    seen_with: Objects
     footprint: Layouts  # of the added object, one slot [m of the model]
 
 
 def add_kind(folder: Folder, kind: str) -> Added | None:
     """Return the kind's cut-outs, each at random free places; None if fewer than two scenes have room."""
     rng, side, numbers, images, ends, radii = stream("own", "places", kind), folder.frame.side_m, [], [], [], []
+    objects = folder.seen.objects
     cutouts = [(cutout, width, footprint(cutout, width)) for cutout, width in folder.cutouts[kind]]
     for turn in range(-(-PLACES // len(folder.scenes))):
         for scene, canvas in enumerate(folder.canvases.values()):
             cutout, width, capsule = cutouts[(turn + scene) % len(cutouts)]
-            place = free_place(rng, folder.frame, folder.objects, scene, capsule)
+            place = free_place(rng, folder.frame, objects, scene, capsule)
             if place is not None:
                 centre, angle = place
                 numbers.append(scene)
-                images.append(folder.image(paste(canvas, cutout, width / side, centre / side, angle)))
+                images.append(folder.frame.image(paste(canvas, cutout, width / side, centre / side, angle)))
                 ends.append(ends_of(folder.frame, capsule, centre, angle))
                 radii.append(folder.frame.scale * capsule.radius)
     if len(set(numbers)) < 2:
         return None
     added = capsules(np.array(ends)[:, None], np.array(radii)[:, None], np.ones((len(radii), 1), bool))
-    return Added(np.array(numbers), folder.images[numbers], np.array(images), added)
+    outlines = [outline(end, np.float64(radius)) for end, radius in zip(ends, radii, strict=True)]
+    with_items = folder.seen.with_items(numbers, images, outlines, kind)
+    return Added(np.array(numbers), images[0], objects[numbers], with_items, added)
 
 
 def footprint(cutout: UInt8[Array, "row column 4"], width_m: float) -> Capsule:
@@ -151,9 +155,9 @@ def effects(fitted: Fitted, added: Mapping[str, Added]) -> pd.DataFrame:
     rows = []
     for kind, places in added.items():
         z = random_z_theta(stream("own", "paths", kind), len(places.scene), PATHS)
-        change = library.effect(fitted.model, places.images, places.images_with, z)
+        change = library.effect(fitted.model, places.seen, places.seen_with, z)
         others = [
-            (model.probability(places.images_with, z).astype(float) - model.probability(places.images, z)).mean()
+            (model.probability(places.seen_with, z).astype(float) - model.probability(places.seen, z)).mean()
             for model in fitted.fold_models
         ]
         row = {"user": fitted.data.user, "kind": kind, "places": len(z), "effect": change.estimate}
@@ -188,7 +192,7 @@ def envelopes(fitted: Fitted, added: Mapping[str, Added], folder: Folder, table:
         chosen = paths_at_doses(to_added, to_others[places.scene], doses, CLEAR_OF_OTHERS_M, 1)[..., 0]  # (row, dose)
         paths = np.take_along_axis(candidates[places.scene], np.maximum(chosen, 0)[..., None], axis=1)
         falls = [
-            model.probability(places.images, paths) - model.probability(places.images_with, paths).astype(float)
+            model.probability(places.seen, paths) - model.probability(places.seen_with, paths).astype(float)
             for model in fitted.fold_models
         ]
         response = by_item(np.where(chosen >= 0, np.stack(falls), np.nan), places.scene)  # (model, scene, dose)

@@ -66,5 +66,5 @@ def _log_scene(recording: rr.RecordingStream, entity: str, results: Results, fit
     lines("demonstrations", points, [views.VALID if word else views.INVALID for word in words], 0.35)
     lines("repairs", paths("repaired", ["end_x", "end_y"])[0], views.START, 0.2)
     model = fitted.unseeing(data.scenes.index(name)) if name in data.scenes else fitted.model
-    p = model.probability(image[None], lattice(MAP_SIDE)[None])[0].reshape(MAP_SIDE, MAP_SIDE)
+    p = model.probability(results.folder.seen.objects[[scene]], lattice(MAP_SIDE)[None])[0].reshape(MAP_SIDE, MAP_SIDE)
     views.log_map(recording, f"{entity}/map", views.p_classes(p))

@@ -9,6 +9,7 @@ from matplotlib.font_manager import findfont, get_font
 from pipeline.own import fitting, kinds
 from pipeline.own.fitting import VARIANT, Fitted, UserData, fit_user
 from pipeline.own.folder import Folder
+from pipeline.own.seen import compared
 
 HEADLINES = ["accuracy", "ci_low", "ci_high", "balanced", "missed", "calibration_error"]
 
@@ -76,6 +77,6 @@ def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
     progress("repairs")
     tables["repaired"] = by_user(lambda one: fitting.repairs(one, scale))
     unlisted = 0
-    if folder.items is not None:
-        tables["detections"], unlisted = folder.detected(folder.items)
+    if folder.told:
+        tables["detections"], unlisted = compared(folder.seen, folder.scenes)
     return Results(folder, fitted, added, tables, unlisted)

@@ -1,0 +1,196 @@
+"""Read what a person, or their detector, says stands on each table: capsules, COCO polygons or masks.
+
+Outlines that somebody told take the place of the detector's in their scene.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray as Array
+from pydantic import BaseModel, ValidationError
+
+from pipeline.own import files
+from pipeline.own.files import ITEMS, Faults, Settings, normal
+from pipeline.own.frame import homography, outline, whole
+from pipeline.runtime.errors import InputError
+
+COCO, MASKS = "items.json", "masks"
+OUTSIDE = 0.02  # share of a picture by which an outline may leave it: people click beside the edge
+MIN_ITEM_SHARE = 1e-5  # smallest area of an item in a mask, over the picture's: less is a stray pixel
+
+
+class Told(NamedTuple):
+    """An item that somebody outlined."""
+
+    kind: str  # "" where nobody named it
+    parts: list[Float[Array, "point 2"]]  # polygons [m on the table]
+
+
+class _Image(BaseModel):
+    id: int
+    file_name: str
+
+
+class _Category(BaseModel):
+    id: int
+    name: str
+
+
+class _Annotation(BaseModel):
+    id: int = 0
+    image_id: int
+    category_id: int
+    segmentation: list[list[float]] | dict = []
+    bbox: tuple[float, float, float, float] | None = None
+
+
+class _Coco(BaseModel):
+    images: list[_Image]
+    annotations: list[_Annotation]
+    categories: list[_Category] = []
+
+
+class Views(NamedTuple):
+    """How pictures show the table: their sizes [pixels] by scene, and the corners that table.yaml gives."""
+
+    sizes: Mapping[str, tuple[int, int]]
+    settings: Settings
+
+    def to_table(self, scene: str, pixels: Float[Array, "point 2"]) -> Float[Array, "point 2"]:
+        """Return places [column, row] of a scene's picture in metres on the table."""
+        corners = self.settings.corners_of(scene)
+        corners = whole(*self.sizes[scene]) if corners is None else corners
+        matrix = homography(corners, whole(1, 1))
+        share = cv2.perspectiveTransform(pixels[None].astype(float), matrix)[0]
+        return np.column_stack([share[:, 0], 1 - share[:, 1]]) * self.settings.side_m
+
+
+def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
+    """Return the told items of each scene that has any source; a scene told to be empty has none."""
+    told: dict[str, list[Told]] = {}
+    sources = {ITEMS: _from_csv, COCO: _from_coco, MASKS: _from_masks}
+    owner: dict[str, str] = {}
+    for name, read in sources.items():
+        if not (path / name).exists():
+            continue
+        for scene, items in read(path, views, faults).items():
+            if scene in owner:
+                faults.append(f"{name}: items of {scene} stand in {owner[scene]}, too: keep one of them")
+            told[scene], owner[scene] = items, name
+    return told
+
+
+def _from_csv(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
+    """Return the capsules of items.csv."""
+    items, side, told = files.read_checked(path / ITEMS, views.sizes, faults), views.settings.side_m, {}
+    if items is None:
+        return {}
+    faults.rows(ITEMS, items[items["radius_m"] <= 0], "radius_m is {radius_m:g}: expected metres above 0")
+    short = items[items["half_length_m"] < 0]
+    faults.rows(ITEMS, short, "half_length_m is {half_length_m:g}: expected metres from 0")
+    far = items[((items[["x", "y"]] < 0) | (items[["x", "y"]] > side)).any(axis=1)]
+    faults.rows(ITEMS, far, f"({{x:g}}, {{y:g}}) is not on the table: expected metres from 0 to {side:g}")
+    for row in items.itertuples():
+        turn = np.radians(row.angle_deg)
+        arm = np.array([np.cos(turn), np.sin(turn)]) * row.half_length_m
+        ends = np.array([row.x, row.y]) + np.stack([-arm, arm])
+        told.setdefault(row.scene, []).append(Told(row.kind, [outline(ends, row.radius_m)]))
+    return told
+
+
+def _from_coco(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
+    """Return the polygons of items.json; pictures that it lists without an annotation hold no item."""
+    try:
+        coco = _Coco.model_validate(json.loads((path / COCO).read_text(encoding="utf-8-sig")))
+    except (ValueError, ValidationError) as error:
+        why = " ".join(str(error).split())[:200]
+        faults.append(f"{COCO} is no COCO file ({why}): expected images, annotations and categories; export it again")
+        return {}
+    scenes = {image.id: normal(Path(image.file_name).stem) for image in coco.images}
+    kinds = {category.id: normal(category.name) for category in coco.categories}
+    for scene in sorted(set(scenes.values()) - views.sizes.keys()):
+        faults.append(f"{COCO} lists {scene!r}, which has no picture in scenes/: add it, or correct file_name")
+    for kind in kinds.values():
+        if not files.is_printable(kind):
+            faults.append(f"{COCO}: the category {kind!r} cannot be printed: rename it")
+    told: dict[str, list[Told]] = {scene: [] for scene in scenes.values() if scene in views.sizes}
+    for one in coco.annotations:
+        scene, name = scenes.get(one.image_id, ""), f"{COCO}, annotation {one.id}"
+        if scene not in told:
+            if one.image_id not in scenes:
+                faults.append(f"{name}: image {one.image_id} is not listed under images: add it")
+            continue
+        if one.category_id not in kinds:
+            faults.append(f"{name}: category {one.category_id} is not listed under categories: add it")
+            continue
+        try:
+            told[scene].append(Told(kinds[one.category_id], _polygons(one, scene, views)))
+        except InputError as error:
+            faults.append(f"{name}: {error}")
+    return told
+
+
+def _polygons(one: _Annotation, scene: str, views: Views) -> list[Float[Array, "point 2"]]:
+    """Return an annotation's polygons, or its box; raise InputError for what encloses nothing."""
+    if isinstance(one.segmentation, dict):
+        raise InputError("a run-length mask: expected polygons; export polygons, or a PNG a scene in masks/")
+    rings = [np.reshape(ring, (-1, 2)) for ring in one.segmentation if len(ring) >= 6 and len(ring) % 2 == 0]
+    if len(rings) < len(one.segmentation):
+        raise InputError("a polygon is no list of x and y of three points or more: correct it")
+    if not rings and one.bbox:
+        x, y, width, height = one.bbox
+        rings = [whole(1, 1) * [width, height] + [x, y]]
+    size = np.array(views.sizes[scene])
+    for ring in rings:
+        if not np.isfinite(ring).all() or (ring < -OUTSIDE * size).any() or (ring > (1 + OUTSIDE) * size).any():
+            raise InputError(f"an outline leaves the picture of {size[0]} x {size[1]} pixels: correct it")
+        if crosses_itself(ring):
+            raise InputError("a polygon crosses itself: draw it anew")
+    if not rings or sum(cv2.contourArea(ring.astype(np.float32)) for ring in rings) < MIN_ITEM_SHARE * size.prod():
+        raise InputError("it encloses nothing: outline the item, or remove it")
+    return [views.to_table(scene, ring) for ring in rings]
+
+
+def crosses_itself(ring: Float[Array, "point 2"]) -> bool:
+    """Return whether two edges of a closed polygon that are no neighbours cross."""
+    start, stop, n = ring, np.roll(ring, -1, axis=0), len(ring)
+
+    def turn(a: Array, b: Array, c: Array) -> Array:
+        """Return on which side of the line from a to b the point c lies."""
+        (ux, uy), (vx, vy) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
+        return np.sign(ux * vy - uy * vx)
+
+    a, b, c, d = start[:, None], stop[:, None], start[None], stop[None]
+    cross = (turn(a, b, c) * turn(a, b, d) < 0) & (turn(c, d, a) * turn(c, d, b) < 0)
+    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    return bool((cross & (apart > 1) & (apart < n - 1)).any())
+
+
+def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
+    """Return the items of masks/SCENE.png: 0 is table, each other value an item that nobody named."""
+    told: dict[str, list[Told]] = {}
+    for file in files.listed(path / MASKS, ".png"):
+        scene, name = normal(file.stem), f"{MASKS}/{file.name}"
+        mask = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
+        size = None if mask is None else mask.shape[1::-1]
+        if scene not in views.sizes:
+            faults.append(f"{name}: scene {scene!r} has no picture in scenes/: add it, or correct the name")
+        elif mask is None or mask.ndim != 2:
+            faults.append(f"{name} is no grey PNG: expected 0 for the table and another value for each item")
+        elif size != views.sizes[scene]:
+            theirs = " x ".join(map(str, views.sizes[scene]))
+            faults.append(f"{name} has {size[0]} x {size[1]} pixels, its picture {theirs}: expected the same")
+        else:
+            least = MIN_ITEM_SHARE * mask.size
+            told[scene] = []
+            for value in np.unique(mask[mask > 0]):
+                rings, _ = cv2.findContours((mask == value).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+                parts = [views.to_table(scene, r[:, 0] + 0.5) for r in rings if cv2.contourArea(r) >= least]
+                if parts:
+                    told[scene].append(Told("", parts))
+    return told

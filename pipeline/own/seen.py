@@ -1,0 +1,175 @@
+"""What stands on each table, and how that is known: told, against the empty table, or by the picture alone.
+
+Kinds that a person named are learned from their items' looks, so that other items get the most alike kind.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, UInt8
+from numpy import ndarray as Array
+from scipy.special import softmax
+
+from pipeline.models.base import to_tensor
+from pipeline.own.frame import Frame
+from pipeline.own.items import Told
+from pipeline.perception.objects import SUPERSAMPLING, Object, Objects, Outline, describe_outlined, detect_objects
+from pipeline.perception.segmenter import LOOKS
+from pipeline.world.layout import SIDE, point_segment_distance
+
+TOLD, EMPTY, STACK, ALONE = "told", "empty table", "empty table from the pictures", "picture alone"
+FINE = SIDE * SUPERSAMPLING  # points a side on which outlines are laid down
+SPREAD = 0.5  # standard deviation that each kind's looks have at least, over that of all items
+NEAR_M = 0.01  # an item's centre may lie this far outside a detected outline [m of the model]
+Image = UInt8[Array, "100 100 3"]
+Named = tuple[str, Object]  # kind, "" where nobody named it
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """Kinds that a person named, as normal distributions of looks with independent coordinates (naive Bayes)."""
+
+    names: list[str]
+    mean: Float[Array, "kind look"]
+    spread: Float[Array, "kind look"]
+
+    @classmethod
+    def learn(cls, items: Iterable[Named], others: Iterable[Object]) -> "Kinds | None":
+        """Return the kinds of items, or None if fewer than two are named; others: not outlined."""
+        items = list(items)
+        names = sorted({kind for kind, _ in items if kind})
+        if len(names) < 2:
+            return None
+        scale = np.stack([_looks(one) for one in [*(one for _, one in items), *others]]).std(0).clip(1e-3)
+        own = [np.stack([_looks(one) for kind, one in items if kind == name]) for name in names]
+        spread = np.stack([np.sqrt(each.var(0) + (SPREAD * scale) ** 2) for each in own])
+        return cls(names, np.stack([each.mean(0) for each in own]), spread)
+
+    def probability(self, one: Object) -> Float[Array, " kind"]:
+        """Return the probability of each kind."""
+        square = ((_looks(one) - self.mean) / self.spread) ** 2
+        return softmax(-square.sum(1) / 2 - np.log(self.spread).sum(1))
+
+
+def _looks(one: Object) -> Float[Array, " look"]:
+    return np.concatenate([one.features, np.log(np.clip(one.looks, 1e-3, 1))])
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What stands in the scenes of a folder."""
+
+    frame: Frame
+    empty: Image | None  # the table without items
+    ways: list[str]  # how each scene's items are known: TOLD, EMPTY, STACK or ALONE
+    told: dict[int, list[Named]]  # items that somebody outlined, by scene
+    found: list[list[Object]]  # what the detector finds in each scene
+    doubt: list[float]  # of the detector
+    kinds: Kinds | None
+
+    @property
+    def objects(self) -> Objects:
+        """Return the objects that models see."""
+        return self._packed([self._scene(i) for i in range(len(self.ways))], [*map(self._doubt, range(len(self.ways)))])
+
+    @property
+    def names(self) -> list[str]:
+        """Return what the columns of the objects' `kinds` stand for."""
+        return list(LOOKS) if self.kinds is None else self.kinds.names
+
+    def with_items(
+        self, scenes: Sequence[int], images: Sequence[Image], outlines: Sequence[Array], kind: str
+    ) -> Objects:
+        """Return the objects of scenes to which an item of a kind was added; outlines [m of the model]: the item's."""
+        parts, doubts = [], []
+        for scene, image, outline in zip(scenes, images, outlines, strict=True):
+            if self.ways[scene] == TOLD:
+                added = describe_outlined(image, [_outline([outline])])
+                parts.append([*self._scene(scene), *(self._final(one, kind) for one in added)])
+                doubts.append(0.0)
+            else:
+                found, doubt = _detect([image], self.empty)
+                parts.append([self._final(one) for one in found[0]])
+                doubts.append(doubt[0])
+        return self._packed(parts, doubts)
+
+    def _scene(self, scene: int) -> list[Object]:
+        if scene in self.told:
+            return [self._final(one, kind) for kind, one in self.told[scene]]
+        return [self._final(one) for one in self.found[scene]]
+
+    def _doubt(self, scene: int) -> float:
+        return 0.0 if scene in self.told else self.doubt[scene]
+
+    def _final(self, one: Object, kind: str = "") -> Object:
+        """Return an object whose looks are the probabilities of the named kinds, if there are any."""
+        if self.kinds is None:
+            return one
+        said = np.array([name == kind for name in self.kinds.names], float)
+        return one._replace(looks=said if said.any() else self.kinds.probability(one))
+
+    def _packed(self, scenes: list[list[Object]], doubt: list[float]) -> Objects:
+        return Objects.of(scenes, doubt, len(self.names))
+
+
+def look(
+    images: UInt8[Array, "scene 100 100 3"],
+    frame: Frame,
+    told: Mapping[int, Sequence[Told]],
+    empty: Image | None,
+    way: str,
+) -> Seen:
+    """Return what stands in pictures; told: items by scene; `empty`: the table without items, known by `way`."""
+    found, doubt = _detect(list(images), empty)
+    known = {scene: _described(images[scene], items, frame) for scene, items in told.items()}
+    ways = [TOLD if i in known else way for i in range(len(images))]
+    others = [one for i, objects in enumerate(found) if i not in known for one in objects]
+    kinds = Kinds.learn([item for items in known.values() for item in items], others)
+    return Seen(frame, empty, ways, known, found, doubt, kinds)
+
+
+def _detect(images: Sequence[Image], empty: Image | None) -> tuple[list[list[Object]], list[float]]:
+    """Return the objects that the detector finds in each picture, and its doubt about each."""
+    tables = None if empty is None else to_tensor(np.repeat(empty[None], len(images), 0))
+    objects = detect_objects(to_tensor(np.stack(images)), tables, looks=True)
+    fields = objects.ends, objects.radius, objects.features, objects.kinds
+    rows = [
+        [Object(*(field[scene, i] for field in fields)) for i in np.flatnonzero(objects.present[scene])]
+        for scene in range(len(images))
+    ]
+    return rows, objects.doubt.tolist()
+
+
+def _described(image: Image, items: Sequence[Told], frame: Frame) -> list[Named]:
+    """Return kind and object of each told item of which the picture shows some part."""
+    outlines = [(kind, _outline([frame.to_model(part) for part in parts])) for kind, parts in items]
+    outlines = [(kind, outline) for kind, outline in outlines if outline.mask.any()]
+    objects = describe_outlined(image, [outline for _, outline in outlines])
+    return [(kind, one) for (kind, _), one in zip(outlines, objects, strict=True)]
+
+
+def _outline(parts: Sequence[Float[Array, "point 2"]]) -> Outline:
+    """Return the points within polygons [m of the model]."""
+    mask = np.zeros((FINE, FINE), np.uint8)
+    rings = [np.rint((part * [1, -1] + [0, 1]) * FINE - 0.5).astype(np.int32) for part in parts]
+    return Outline(cv2.fillPoly(mask, rings, (1,)), 0, 0)
+
+
+def compared(seen: Seen, scenes: Sequence[str]) -> tuple[pd.DataFrame, int]:
+    """Return one row for each told item: scene, kind, and whether a detected object covers its centre.
+
+    The number counts the detected objects that cover no told item, in the scenes whose items are told.
+    """
+    rows, unlisted = [], 0
+    for scene, items in seen.told.items():
+        centres = np.array([item.ends.mean(0) for _, item in items]).reshape(-1, 2)
+        hits = np.zeros((len(seen.found[scene]), len(items)), bool)
+        for i, one in enumerate(seen.found[scene]):
+            ends = np.asarray(one.ends, float)
+            hits[i] = point_segment_distance(centres, ends[0], ends[1]) - one.radius < NEAR_M
+        unlisted += int((~hits.any(1)).sum())
+        rows += [(scenes[scene], kind, bool(hit)) for (kind, _), hit in zip(items, hits.any(0), strict=True)]
+    return pd.DataFrame(rows, columns=["scene", "kind", "detected"]), unlisted
