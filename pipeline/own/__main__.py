@@ -28,10 +28,15 @@ def main(arguments: list[str]) -> int:
         print(f"error: got {' '.join(arguments)}: expected one folder; see --help", file=sys.stderr)
         return 2
 
-    from pipeline.own.folder import read_folder  # torch and the models take seconds to import: the recorder needs none
+    from pipeline.own.figures import draw_scenes
+    from pipeline.own.folder import (  # torch and the models take seconds to import: the recorder needs none
+        SHEET,
+        read_folder,
+    )
     from pipeline.own.report import check_replaceable, write_report
     from pipeline.own.results import compute
     from pipeline.runtime.parallel import one_thread
+    from pipeline.runtime.writing import atomic_write
 
     one_thread()
     path, begin = Path(arguments[0]), time.monotonic()
@@ -46,6 +51,10 @@ def main(arguments: list[str]) -> int:
         print(f"note: {note}")
     counts = f"{len(folder.scenes)} scenes, {len(folder.demos)} demonstrations of {', '.join(folder.users)}"
     print(f"{path}: {counts}; no fault")
+    for line in folder.advice:
+        print(line)
+    sheet = draw_scenes(folder, len(folder.scenes))
+    atomic_write(path / SHEET, lambda part: sheet.savefig(part, format="png"))
     if verb == "check":
         return 0
     check_replaceable(out := path / "report")

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy import ndarray as Array
 
+from pipeline.own.folder import Folder
 from pipeline.own.frame import outline
 from pipeline.own.results import Results
 from pipeline.report import style
@@ -50,13 +51,18 @@ def _draw_numbered(panel: Axes, number: int, image: Array, outlines: list[Array]
 
 
 def sheet(results: Results) -> Figure:
-    """Draw the first scenes as the models see them, with the outlines of the detected objects."""
-    shown = min(FIRST_SCENES, len(results.folder.scenes))
+    """Draw the first scenes with the outlines of what models see in them."""
+    return draw_scenes(results.folder, FIRST_SCENES)
+
+
+def draw_scenes(folder: Folder, most: int) -> Figure:
+    """Draw the first scenes of a folder, at most so many, with the outlines of what models see in them."""
+    shown = min(most, len(folder.scenes))
     columns, rows = min(SHEET_COLUMNS, shown), -(-shown // SHEET_COLUMNS)
     figure, axes = panels(rows, columns, 2.1 * columns, 2.35 * rows)
     for number, panel in enumerate(axes.flat):
         if number < shown:
-            _draw_numbered(panel, number + 1, results.folder.images[number], results.folder.outlines(number))
+            _draw_numbered(panel, number + 1, folder.images[number], folder.outlines(number))
         else:
             panel.set_axis_off()
     return figure

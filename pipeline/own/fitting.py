@@ -151,6 +151,29 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def gain_from_seeing(judged: pd.DataFrame, scored: pd.DataFrame) -> pd.DataFrame:
+    """Return for each user what the picture adds to balanced accuracy, over the better image-blind baseline.
+
+    gain, ci_low, ci_high (95 % over scenes, paired); blind: that baseline; state: `helps` (the interval lies above 0),
+    `nothing` (it lies below FLAT) or `open`.
+    """
+    rows = []
+    for user, part in judged[judged["share"] == 1].groupby("user", sort=False):
+        own = scored[(scored["user"] == user) & (scored["share"] == 1) & (scored["predictor"] != VARIANT)]
+        blind = str(own.loc[own["balanced"].idxmax(), "predictor"])
+        right = part.assign(right=(part["p"] > DECISION) == part["valid"])
+        table = right.pivot(index=["scene", "demo", "valid"], columns="predictor", values="right").astype(float)
+        valid = table.index.get_level_values("valid").to_numpy(bool)
+        weight = np.where(valid, 0.5 / valid.mean(), 0.5 / (1 - valid.mean()))
+        by_scene = pd.DataFrame({"gain": weight * (table[VARIANT] - table[blind]), "weight": weight}, table.index)
+        sums = by_scene.groupby("scene").sum().to_numpy().T
+        result = ratio(sums[:1, None], sums[1:, None])
+        gain, low, high = (float(v[0]) for v in (result.effect, result.ci_low, result.ci_high))
+        state = "helps" if low > 0 else "nothing" if high < FLAT else "open"
+        rows.append({"user": user, "blind": blind, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
+    return pd.DataFrame(rows)
+
+
 def calibration(judged: pd.DataFrame) -> pd.DataFrame:
     """Return the filled bins of `reliability` for each user and predictor fitted to all training scenes.
 

@@ -1,5 +1,6 @@
 """Read and check a person's folder (docs/own-tables.md): every fault becomes a sentence before anything runs."""
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +24,8 @@ from pipeline.world.bezier import P_F, P_INIT, curve
 from pipeline.world.bezier_fit import fit
 from pipeline.world.layout import SIDE
 
+SHEET = "check.png"  # every picture with the outlines of what is seen
+SIZES_PX = 6, 45  # of a typical item, where the detector is at its best [hundredths of the table's side]
 POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a parabola that misses the hand by more is a poor fit
 MAX_NOISE_GAIN = 2.0  # of a fit; demonstrations of 12 samples evenly along a path have some 0.4
 FOOT_POINTS, WEAKEST = 257, 1e-6  # on a path; information of a control point that no sample determines
@@ -87,6 +90,38 @@ class Folder:
                 f"({', '.join(more[KEY].iloc[0])}): they are fitted less closely"
             )
         return notes
+
+    @property
+    def how_seen(self) -> str:
+        """Return a sentence on how items are known."""
+        counts = Counter(self.seen.ways)
+        ways = [f"{count} {'scene' if count == 1 else 'scenes'} by the {way}" for way, count in counts.items()]
+        return f"What stands on the table is known in {', '.join(ways)}.".replace("by the told", "as told")
+
+    @property
+    def advice(self) -> list[str]:
+        """Return what was seen in the pictures, and what to do about it."""
+        objects, lines = self.seen.objects, [self.how_seen]
+        counts = objects.present.sum(1)
+        bare = [name for name, count in zip(self.scenes, counts, strict=True) if not count]
+        lines.append(f"{counts.sum()} items, {counts.mean():.1f} a scene; look at {SHEET}")
+        if bare:
+            lines.append(f"no item in {len(bare)} scenes, the first {bare[0]}: outline them if they have any")
+        if self.from_pictures is not None:
+            for moved, why in ((self.from_pictures.moved, "camera moved"), (self.from_pictures.relit, "light changed")):
+                if moved:
+                    names = ", ".join(self.scenes[i] for i in moved)
+                    lines.append(f"the {why} in {names}: the empty table is taken from the others")
+        lengths = np.linalg.norm(objects.ends[..., 1, :] - objects.ends[..., 0, :], axis=-1) + 2 * objects.radius
+        sizes = SIDE * lengths[objects.present]
+        if len(sizes) and not SIZES_PX[0] <= np.median(sizes) <= SIZES_PX[1]:
+            move = "further away" if np.median(sizes) > SIZES_PX[1] else "nearer"
+            span = f"{SIZES_PX[0]} to {SIZES_PX[1]} hundredths of the table's side"
+            lines.append(f"a typical item is {np.median(sizes):.0f} long, expected {span}: come {move}")
+        if ALONE in self.seen.ways:
+            least = "photograph the table empty as empty.jpg, or more arrangements with a fixed camera"
+            lines.append(f"outlines are surest (`python -m pipeline.own record`); else {least}")
+        return lines
 
     def outlines(self, scene: int) -> list[Float[Array, "point 2"]]:
         """Return the outlines [m of the model] of the objects that models see in a scene."""

@@ -32,9 +32,12 @@ def write_report(results: Results, out_dir: Path) -> None:
     def score(user: str, predictor: str, column: str) -> float:
         return lookup(results.tables["scores"], "scores", column, user=user, predictor=predictor, share=1.0)
 
+    def helped(user: str) -> str:
+        return lookup(results.tables["seeing"], "seeing", "state", user=user)
+
     folds = max(len(fitted.fold_models) for fitted in results.fitted.values())
     site, shown = Site(), {"home": "", "pages": {"index": "Your table"}, "facts": {"studies": []}}
-    made = environment([Path(__file__).parent], r=results, score=score, folds=folds, **shown)
+    made = environment([Path(__file__).parent], r=results, score=score, helped=helped, folds=folds, **shown)
     render_page("index", "page.html.j2", figures, results, made, site)
     tables = {name: on_the_table(table, results.folder.frame) for name, table in results.tables.items()}
     site.tables.update(tables)

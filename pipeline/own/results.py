@@ -42,6 +42,7 @@ class Results:
     def metrics(self) -> dict:
         """Return the headlines: counts, and scores by user."""
         scores = self.tables["scores"].query("predictor == @VARIANT and share == 1").set_index("user")[HEADLINES]
+        scores["gain_from_seeing"] = self.tables["seeing"].set_index("user")["gain"]
         scores["gain_from_half"] = self.tables["enough"].set_index("user")["gain"]
         demos = self.tables["demonstrations"]
         counted: dict[str, float] = {"scenes": len(self.folder.scenes), "demonstrations": len(demos)}
@@ -63,7 +64,8 @@ def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
     tables = {
         "demonstrations": folder.demos,
         "predictions": judged,
-        "scores": fitting.scores(judged),
+        "scores": (scored := fitting.scores(judged)),
+        "seeing": fitting.gain_from_seeing(judged, scored),
         "reliability": fitting.calibration(judged),
         "enough": fitting.enough(judged, VARIANT),
         "disagreement": by_user(lambda one: fitting.disagreement(one, folder)),
