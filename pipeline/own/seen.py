@@ -14,7 +14,7 @@ from numpy import ndarray as Array
 from scipy.special import softmax
 
 from pipeline.models.base import to_tensor
-from pipeline.own.frame import Frame
+from pipeline.own.frame import Frame, outline
 from pipeline.own.items import Told
 from pipeline.perception.objects import SUPERSAMPLING, Object, Objects, Outline, describe_outlined, detect_objects
 from pipeline.perception.segmenter import LOOKS
@@ -85,9 +85,9 @@ class Seen:
     ) -> Objects:
         """Return the objects of scenes to which an item of a kind was added; outlines [m of the model]: the item's."""
         parts, doubts = [], []
-        for scene, image, outline in zip(scenes, images, outlines, strict=True):
+        for scene, image, ring in zip(scenes, images, outlines, strict=True):
             if self.ways[scene] == TOLD:
-                added = describe_outlined(image, [_outline([outline])])
+                added = describe_outlined(image, [_outline([ring])])
                 parts.append([*self._scene(scene), *(self._final(one, kind) for one in added)])
                 doubts.append(0.0)
             else:
@@ -131,6 +131,22 @@ def look(
     return Seen(frame, empty, ways, known, found, doubt, kinds)
 
 
+def suggest(
+    canvases: Mapping[str, UInt8[Array, "side side 3"]], told: Mapping[str, Sequence[Told]], scene: str
+) -> list[tuple[str, Float[Array, "point 2"]]]:
+    """Return kind and outline of what the detector finds in a scene; kinds: the most alike of those named in `told`.
+
+    Outlines are in shares of the table's side, and so are those told.
+    """
+    frame, names = Frame(1.0, np.eye(2), np.zeros(2)), list(canvases)
+    images = np.stack([frame.image(canvases[name]) for name in names])
+    items = {i: told[name] for i, name in enumerate(names) if told.get(name)}
+    seen = look(images, frame, items, None, ALONE)
+    found = seen.found[names.index(scene)]
+    kinds = ["" if seen.kinds is None else seen.names[int(seen.kinds.probability(one).argmax())] for one in found]
+    return [(kind, outline(one.ends, np.float64(one.radius))) for kind, one in zip(kinds, found, strict=True)]
+
+
 def _detect(images: Sequence[Image], empty: Image | None) -> tuple[list[list[Object]], list[float]]:
     """Return the objects that the detector finds in each picture, and its doubt about each."""
     tables = None if empty is None else to_tensor(np.repeat(empty[None], len(images), 0))
@@ -145,10 +161,10 @@ def _detect(images: Sequence[Image], empty: Image | None) -> tuple[list[list[Obj
 
 def _described(image: Image, items: Sequence[Told], frame: Frame) -> list[Named]:
     """Return kind and object of each told item of which the picture shows some part."""
-    outlines = [(kind, _outline([frame.to_model(part) for part in parts])) for kind, parts in items]
-    outlines = [(kind, outline) for kind, outline in outlines if outline.mask.any()]
-    objects = describe_outlined(image, [outline for _, outline in outlines])
-    return [(kind, one) for (kind, _), one in zip(outlines, objects, strict=True)]
+    laid = [(kind, _outline([frame.to_model(part) for part in parts])) for kind, parts in items]
+    shown = [(kind, one) for kind, one in laid if one.mask.any()]
+    objects = describe_outlined(image, [one for _, one in shown])
+    return [(kind, one) for (kind, _), one in zip(shown, objects, strict=True)]
 
 
 def _outline(parts: Sequence[Float[Array, "point 2"]]) -> Outline:

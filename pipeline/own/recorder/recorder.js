@@ -1,9 +1,9 @@
 // The recorder's page: shows scenes, sends what a person draws and judges, and says what is recorded.
 import { Board, dot, stroke, write } from "/static/canvas.js";
-import { PathTool, PointTool, metres } from "/static/tools.js";
+import { OutlineTool, PathTool, PointTool, metres } from "/static/tools.js";
 
 const $ = id => document.getElementById(id);
-const STEPS = { table: "Place the table", paths: "Record paths" };
+const STEPS = { table: "Place the table", items: "Outline items", paths: "Record paths" };
 const CORNERS = ["far left", "far right", "near right", "near left"];
 export const board = new Board($("picture"), $("canvas"));
 let overview = null; // what is recorded, from the server
@@ -109,6 +109,7 @@ function mayLeave() {
 function start() {
   board.tool = null;
   if (step === "table") startTable();
+  else if (step === "items") attempt(startItems);
   else if (!scene.corners) say("The recorder does not know where the table is in this picture. Mark its corners first, under Table.", "bad");
   else startPaths();
   showButtons();
@@ -157,6 +158,72 @@ function showButtons() {
   const drawn = waiting() && !sending;
   for (const id of ["valid", "invalid", "discard"]) $(id).disabled = !drawn;
   $("undo").disabled = sending || !ownPaths().length;
+}
+
+// ---- outlines of items
+
+let storing = Promise.resolve(); // changes are stored one after the other
+
+async function startItems() {
+  const name = scene.name;
+  const { items, kinds } = await ask(sceneUrl("/api/items/", name));
+  if (scene.name !== name || step !== "items") return;
+  showKinds(kinds);
+  const tool = new OutlineTool({ items, found: [], propose: (point, edge) => attempt(() => outline(tool, name, point, edge)), changed: () => store(tool, name) });
+  board.tool = tool;
+  showItem(tool);
+  say("Looking for items …");
+  board.redraw();
+  await attempt(async () => {
+    const { found } = await ask(sceneUrl("/api/found/", name));
+    tool.found = found.filter(one => !tool.items.some(item => overlap(item.points, one.points)));
+    if (board.tool === tool) say(`${tool.found.length} items found, broken outlines: click to accept, or A for all. Click what is missing.`);
+  });
+  showItem(tool);
+  board.redraw();
+}
+
+async function outline(tool, name, point, edge) {
+  const { points } = await ask("/api/propose", { scene: name, point, edge });
+  const like = tool.found.find(one => overlap(one.points, points));
+  tool.add({ kind: like?.kind ?? $("kind").value.trim(), points });
+  await store(tool, name);
+}
+
+function store(tool, name) {
+  const { items } = tool;
+  storing = storing.then(() => attempt(async () => {
+    await ask("/api/items", { scene: name, kinds: items.map(item => item.kind), outlines: items.map(item => item.points) });
+    showKinds((await ask(sceneUrl("/api/items/", name))).kinds);
+    say(`Stored: ${items.length} ${items.length === 1 ? "item" : "items"} in this scene.`, "good");
+  }));
+  showItem(tool);
+  board.redraw();
+  return storing;
+}
+
+function acceptAll(tool) {
+  if (!tool.found.length) return;
+  tool.add(...tool.found.splice(0));
+  store(tool, scene.name);
+}
+
+function showItem(tool) {
+  const item = tool.items[tool.chosen];
+  if (item && document.activeElement !== $("kind")) $("kind").value = item.kind;
+  $("delete").disabled = !item;
+  $("undo-items").disabled = !tool.history.length;
+  $("accept").disabled = !tool.found.length;
+  $("counted").textContent = `${tool.items.length} outlined. Scenes with outlines here are read as they are; others are left to the detector.`;
+}
+
+const showKinds = kinds => $("kinds").replaceChildren(...kinds.map(kind => element("option", null, { value: kind })));
+
+function overlap(first, second) { // whether the middle of one lies in the box of the other
+  const box = points => [0, 1].map(axis => points.map(point => point[axis])).map(values => [Math.min(...values), Math.max(...values)]);
+  const [[left, right], [top, bottom]] = box(first);
+  const [[a, b], [c, d]] = box(second);
+  return (a + b) / 2 > left && (a + b) / 2 < right && (c + d) / 2 > top && (c + d) / 2 < bottom;
 }
 
 function startTable() {
@@ -309,6 +376,12 @@ function missing(person) { // what a report about this person needs, still
 // ---- wiring
 
 board.layers = [drawScene];
+const onItems = action => () => { if (board.tool instanceof OutlineTool) action(board.tool); };
+$("accept").addEventListener("click", onItems(acceptAll));
+$("delete").addEventListener("click", onItems(tool => tool.remove()));
+$("undo-items").addEventListener("click", onItems(tool => tool.undo()));
+$("items-form").addEventListener("submit", event => { event.preventDefault(); $("canvas").focus(); });
+$("kind").addEventListener("change", onItems(tool => tool.name($("kind").value.trim())));
 $("back").addEventListener("click", () => turn(-1));
 $("next").addEventListener("click", () => turn(1));
 $("valid").addEventListener("click", () => judge(true));
@@ -330,6 +403,7 @@ $("table-form").addEventListener("submit", event => { event.preventDefault(); sa
 $("board").addEventListener("keydown", event => { // letters act on the picture and its buttons, never in a field
   if (event.target.matches("input:not([type=radio], [type=checkbox])") || event.ctrlKey || event.metaKey || event.altKey) return;
   const keys = { s: () => turn(1), b: () => turn(-1) };
+  if (step === "items") Object.assign(keys, { a: onItems(acceptAll), d: onItems(tool => tool.remove()), u: onItems(tool => tool.undo()), k: () => $("kind").focus() });
   if (step === "paths") Object.assign(keys, { v: () => judge(true), n: () => judge(false), u: undo });
   const action = keys[event.key.toLowerCase()];
   if (!action || event.repeat) return;

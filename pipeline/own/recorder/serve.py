@@ -137,6 +137,10 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
             Route("/pictures/{name}", lambda request: FileResponse(recordings.picture(request.path_params["name"]))),
             Route("/api/overview", lambda _: JSONResponse(recordings.overview() | {"colours": COLOURS})),
             Route("/api/scenes/{name}", lambda request: JSONResponse(recordings.scene(request.path_params["name"]))),
+            Route("/api/items/{name}", lambda request: JSONResponse(recordings.items(request.path_params["name"]))),
+            Route("/api/found/{name}", partial(_in_thread, recordings.found)),
+            posted("propose", recordings.propose),
+            posted("items", recordings.place_items),
             posted("paths", recordings.add_path),
             posted("table", recordings.place_table),
             posted("remove", recordings.remove),
@@ -148,6 +152,11 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
             OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
     )
+
+
+async def _in_thread(answer: Callable[[str], Any], request: Request) -> Response:
+    """Answer about the scene that a request names, without keeping others waiting."""
+    return JSONResponse(await run_in_threadpool(answer, request.path_params["name"]))
 
 
 def _refused(sentence: str, status: int) -> JSONResponse:

@@ -18,7 +18,9 @@ from pydantic import ConfigDict, Field, FiniteFloat, validate_call
 from pipeline.own import files
 from pipeline.own.demonstrations import ENDS_WITHIN_M, MIN_SAMPLES, MIN_SCENES, check_paths
 from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings
-from pipeline.own.frame import outline, whole
+from pipeline.own.frame import outline, rectify, whole
+from pipeline.own.items import COCO, Told, crosses_itself
+from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
@@ -34,6 +36,7 @@ Point = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 Corners = Annotated[list[Point], Field(min_length=4, max_length=4)]
 Sample = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 Samples = Annotated[list[Sample], Field(min_length=1, max_length=100_000)]
+Outlined = Annotated[list[Point], Field(min_length=3, max_length=500)]
 as_sent = validate_call(config=ConfigDict(strict=True))  # checks what a page sends as the arguments of a method
 
 
@@ -140,6 +143,54 @@ class Recordings:
                 raise InputError("this path has been removed already")
             self._write_paths(self._table().drop(rows.index))
 
+    def items(self, scene: str) -> dict[str, Any]:
+        """Return the stored items of a scene, and all kinds that are named."""
+        stored = self._items()
+        kinds = {item.kind for items in stored.values() for item in items if item.kind}
+        return {"items": [item._asdict() for item in stored.get(scene, [])], "kinds": sorted(kinds)}
+
+    @as_sent
+    def propose(self, scene: str, point: Point, edge: Point) -> dict[str, Any]:
+        """Return the outline of what is at a point of a scene's picture; edge: where it ends, or the point again."""
+        path = self.picture(scene)
+        return {"points": propose(files.read_picture(path, path.name), point, edge)}
+
+    @as_sent
+    def place_items(self, scene: str, kinds: list[str], outlines: list[Outlined]) -> None:
+        """Replace the items of a scene; outlines [column, row] of its picture; kinds: "" where nobody names one."""
+        size = np.array(self.picture_size(scene))
+        for points in map(np.array, outlines):
+            if crosses_itself(points):
+                raise InputError("an outline crosses itself: drag its points apart")
+            if (points < 0).any() or (points > size).any():
+                raise InputError("an outline leaves the picture: drag it back")
+        with self._lock:
+            scenes, items = self._scenes(), self._items()
+            named = [_tidy_name(kind) if kind else "" for kind in kinds]
+            items[scene] = [Item(kind, points) for kind, points in zip(named, outlines, strict=True)]
+            kept = {name: items[name] for name in scenes if name in items}
+            sizes = {name: self.picture_size(name) for name in kept}
+            self._write(COCO, to_coco(kept, {name: scenes[name].name for name in kept}, sizes))
+
+    def found(self, scene: str) -> dict[str, Any]:
+        """Return the outlines that the detector finds in a scene's picture, each with the most alike named kind."""
+        from pipeline.own.seen import suggest  # torch takes seconds to import, and only this needs it
+
+        settings = self._settings()
+        told, pictures = {}, {}
+        for name in {*self._items(), scene}:
+            corners, path = self._corners(name, settings), self.picture(name)
+            if corners is not None:
+                pictures[name] = rectify(files.read_picture(path, path.name), corners)
+                matrix = _homography(corners, 1)
+                stored = self._items().get(name, [])
+                told[name] = [Told(item.kind, [_mapped(matrix, np.array(item.points))]) for item in stored]
+        if scene not in pictures:
+            return {"found": []}
+        back = np.linalg.inv(_homography(self._corners(scene, settings), 1))
+        found = suggest(pictures, told, scene)
+        return {"found": [{"kind": kind, "points": np.round(_mapped(back, ring), 1).tolist()} for kind, ring in found]}
+
     @as_sent
     def place_table(
         self, scene: str, everywhere: bool, corners: Corners | None, side_m: FiniteFloat, start: Point, goal: Point
@@ -186,6 +237,14 @@ class Recordings:
 
         path = self._inside(self.folder / DEMONSTRATIONS)
         return self._read(path, read) if path.exists() else pd.DataFrame(columns=COLUMNS, dtype=str)
+
+    def _items(self) -> dict[str, list[Item]]:
+        """Return the items of items.json by scene; InputError if it is no file of the recorder's kind."""
+        path = self._inside(self.folder / COCO)
+        try:
+            return from_coco(path.read_text(encoding="utf-8")) if path.exists() else {}
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{COCO} cannot be read ({error!r}): move it away, or correct it") from error
 
     def _read(self, path: Path, read: Callable[[Path], Any]) -> Any:
         """Return what `read` makes of a file, which it reads again only after a change."""
