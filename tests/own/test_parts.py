@@ -11,17 +11,14 @@ import pytest
 from pipeline.own import fitting, kinds
 from pipeline.own.fitting import UserData
 from pipeline.own.folder import Folder, read_folder
-from pipeline.own.frame import CANVAS_PX, Frame, rectify, without_pattern
+from pipeline.own.frame import CANVAS_PX, Frame, rectify
 from pipeline.perception.objects import Objects
 from pipeline.world.bezier import P_F, P_INIT
 from tests.factories import RED, WHITE, draw_table
 from tests.own.folders import add_kind, make_folder
 
 CORNERS = np.array([[148, 62], [498, 71], [612, 441], [37, 428]], float)
-NOTHING = Objects(
-    np.zeros((1, 12, 2, 2), np.float32), np.zeros((1, 12), np.float32), np.zeros((1, 12, 6), np.float32),
-    np.zeros((1, 12), bool), np.zeros(1, np.float32),
-)  # fmt: skip
+NOTHING = Objects.of([[]], [0.0], 0)
 
 
 @pytest.fixture(scope="module")
@@ -121,11 +118,3 @@ def test_any_start_and_goal_become_the_models(side: float, start: tuple, goal: t
     np.testing.assert_allclose(frame.to_table(frame.to_model(points)), points)
     distances = [np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (points, frame.to_model(points))]
     np.testing.assert_allclose(distances[1], frame.scale * distances[0])
-
-
-def test_the_pattern_of_the_empty_table_is_divided_out():
-    stripes = np.where(np.arange(100) % 10 < 5, 90, 180)[None, :, None] * np.ones((100, 1, 3))
-    scene = stripes.copy()
-    scene[40:60, 40:60] = 30
-    plain = without_pattern(np.rint(scene)[None].astype(np.uint8), np.rint(stripes).astype(np.uint8))[0]
-    assert np.ptp(plain[:30].astype(int)) <= 1 and plain[50, 50].max() < 60

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from making.segmenter.pool import between
-from pipeline.perception.objects import FEATURES, MAX_OBJECTS, Objects
+from pipeline.perception.objects import Objects
 from pipeline.world.layout import SIDE
 from studies.perception.stage import found_items, mean_accuracy
 
@@ -21,9 +21,7 @@ def picture(*discs: tuple[float, float, float]) -> np.ndarray:
 
 def objects(*discs: tuple[float, float, float]) -> Objects:
     """Detected discs (x, y, radius) [m]."""
-    none = np.zeros((1, MAX_OBJECTS), np.float32)
-    ends, features = (np.zeros((1, MAX_OBJECTS, *shape), np.float32) for shape in ((2, 2), (len(FEATURES),)))
-    found = Objects(ends, none, features, none > 0, np.zeros(1, np.float32))
+    found = Objects.of([[]], [0.0], 0)
     for i, (x, y, radius) in enumerate(discs):
         found.ends[0, i], found.radius[0, i], found.present[0, i] = (x, y), radius, True
     return found

@@ -1,0 +1,94 @@
+"""Outlines of items: proposed from a click, found by the detector, and stored as COCO polygons in items.json."""
+
+import json
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray as Array
+
+from pipeline.own.files import normal
+
+WORKING_PX = 320  # side to which a picture is scaled for a proposal: GrabCut takes .1 s there
+REACH = 0.4  # radius of the search about a click, where nobody dragged to the item's edge, over the longer side
+SURE, LIKELY = 0.075, 0.25  # radii that are the item's, and probably so, over the search's
+REACH_OVER_DRAG, MIN_REACH = 1.6, 0.02  # a shorter drag is a click
+ROUNDS = 4  # of GrabCut
+COARSENESS = 0.006  # of an outline, over its length
+LEAST = 0.0004  # area of a proposal, over the picture's: less is noise
+
+
+class Item(NamedTuple):
+    """An item's outline in pixels of its picture, and its kind, "" where nobody named it."""
+
+    kind: str
+    points: list[list[float]]
+
+
+def propose(picture: UInt8[Array, "row column 3"], point: Sequence[float], edge: Sequence[float]) -> list[list[float]]:
+    """Return the outline [column, row] of what is at a point of a picture, by GrabCut (Rother et al., 2004).
+
+    edge: a place at the item's edge, if the person dragged there; else the point again.
+    """
+    scale = WORKING_PX / max(picture.shape[:2])
+    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    centre = tuple(int(np.clip(round(x * scale), 0, n - 1)) for x, n in zip(point, small.shape[1::-1], strict=True))
+    away = REACH_OVER_DRAG * float(np.hypot(*np.subtract(edge, point))) / max(picture.shape[:2])
+    reach = REACH if away < MIN_REACH else away
+    mask = np.full(small.shape[:2], cv2.GC_BGD, np.uint8)
+    for radius, label in ((1, cv2.GC_PR_BGD), (LIKELY, cv2.GC_PR_FGD), (SURE, cv2.GC_FGD)):
+        cv2.circle(mask, centre, max(1, round(radius * reach * WORKING_PX)), label, -1)
+    models = np.zeros((2, 1, 65))
+    cv2.setRNGSeed(0)
+    cv2.grabCut(np.ascontiguousarray(small[..., ::-1]), mask, None, *models, ROUNDS, cv2.GC_INIT_WITH_MASK)
+    inside = np.isin(mask, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.uint8)
+    inside = cv2.morphologyEx(inside, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    regions = cv2.connectedComponents(inside)[1]
+    inside = ((regions == regions[centre[::-1]]) & (inside > 0)).astype(np.uint8)
+    if inside.mean() < LEAST:
+        inside = cv2.circle(np.zeros_like(mask), centre, round(LIKELY * reach * WORKING_PX), 1, -1)
+    rings, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    ring = max(rings, key=cv2.contourArea)
+    ring = cv2.approxPolyDP(ring, COARSENESS * cv2.arcLength(ring, True), True)[:, 0]
+    return np.round((ring + 0.5) / scale, 1).tolist()
+
+
+def to_coco(items: dict[str, list[Item]], files: dict[str, str], sizes: dict[str, tuple[int, int]]) -> str:
+    """Return the items of scenes as a COCO file; files, sizes: name, width and height of each scene's picture."""
+    kinds = sorted({item.kind for of_scene in items.values() for item in of_scene})
+    images = [
+        {"id": number, "file_name": files[scene], "width": sizes[scene][0], "height": sizes[scene][1]}
+        for number, scene in enumerate(items, 1)
+    ]
+    annotations = []
+    for number, of_scene in enumerate(items.values(), 1):
+        for item in of_scene:
+            ring = np.array(item.points)
+            low, high = ring.min(0), ring.max(0)
+            annotations.append({
+                "id": len(annotations) + 1,
+                "image_id": number,
+                "category_id": kinds.index(item.kind) + 1,
+                "segmentation": [np.round(ring, 1).ravel().tolist()],
+                "bbox": np.round([*low, *(high - low)], 1).tolist(),
+                "area": float(cv2.contourArea(ring.astype(np.float32))),
+                "iscrowd": 0,
+            })  # fmt: skip
+    categories = [{"id": number, "name": kind} for number, kind in enumerate(kinds, 1)]
+    content: dict[str, Any] = {"images": images, "annotations": annotations, "categories": categories}
+    return json.dumps(content, ensure_ascii=False, indent=1) + "\n"
+
+
+def from_coco(text: str) -> dict[str, list[Item]]:
+    """Return the items of a COCO file by scene; raise ValueError or KeyError if it is none."""
+    content = json.loads(text)
+    scenes = {image["id"]: normal(image["file_name"].rpartition(".")[0]) for image in content["images"]}
+    kinds = {category["id"]: normal(category["name"]) for category in content["categories"]}
+    items: dict[str, list[Item]] = {scene: [] for scene in scenes.values()}
+    for one in content["annotations"]:
+        for ring in one["segmentation"]:
+            points: Float[Array, "point 2"] = np.reshape(ring, (-1, 2))
+            items[scenes[one["image_id"]]].append(Item(kinds[one["category_id"]], points.tolist()))
+    return items

@@ -1,0 +1,147 @@
+"""What stands on the table: told, against the empty table, or by the picture alone."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.own.empty import empty_table
+from pipeline.own.folder import Folder, read_folder
+from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
+from pipeline.own.seen import ALONE, TOLD
+from tests.factories import RED, WHITE, draw_table
+from tests.own.folders import SCENES, make_folder
+
+SQUARE = [60.0, 60.0, 80.0, 60.0, 80.0, 80.0, 60.0, 80.0]  # in pictures of 100 x 100 pixels
+
+
+def coco(*annotations: dict, scene: str = SCENES[0]) -> str:
+    whole = {"id": 1, "image_id": 1, "category_id": 1, "segmentation": [SQUARE]}
+    return json.dumps({
+        "images": [{"id": 1, "file_name": f"{scene}.png"}],
+        "categories": [{"id": 1, "name": "cup"}, {"id": 2, "name": "pläte"}],
+        "annotations": [whole | one for one in annotations],
+    })  # fmt: skip
+
+
+def read(path: Path) -> Folder:
+    folder, faults = read_folder(path)
+    assert folder is not None and not faults, faults
+    return folder
+
+
+def test_told_outlines_are_what_models_see_kinds_included(tmp_path: Path):
+    path = make_folder(tmp_path)
+    (path / "items.json").write_text(coco({}, {"category_id": 2, "segmentation": [[5, 5, 25, 5, 25, 9]]}))
+    seen = read(path).seen
+    assert seen.ways == [TOLD, ALONE, ALONE, ALONE] and seen.names == ["cup", "pläte"]
+    objects = seen.objects
+    assert objects.present[0].sum() == 2
+    np.testing.assert_allclose(objects.ends[0, 0].mean(0), (0.7, 0.3), atol=0.006)
+    np.testing.assert_allclose(objects.kinds[0, :2], [[1, 0], [0, 1]])
+    assert objects.doubt[0] == 0
+
+
+def test_a_mask_and_a_capsule_and_a_polygon_tell_the_same(tmp_path: Path):
+    path = make_folder(tmp_path)
+    mask = np.zeros((100, 100), np.uint16)
+    mask[60:80, 60:80] = 300
+    (path / "masks").mkdir()
+    (path / "masks" / f"{SCENES[1]}.png").write_bytes(cv2.imencode(".png", mask)[1].tobytes())
+    (path / "items.json").write_text(coco({}))
+    (path / "items.csv").write_text(
+        f"scene,kind,x,y,angle_deg,radius_m,half_length_m\n{SCENES[2]},cup,.7,.3,0,.11284,0\n"
+    )
+    objects = read(path).seen.objects
+    for i in range(3):
+        np.testing.assert_allclose(objects.ends[i, 0].mean(0), (0.7, 0.3), atol=0.01)
+        assert abs(objects.radius[i, 0] - 0.113) < 0.01
+
+
+def test_a_scene_told_to_be_empty_holds_nothing(tmp_path: Path):
+    path = make_folder(tmp_path)
+    (path / "items.json").write_text(coco())
+    assert not read(path).seen.objects.present[0].any()
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    {
+        "run-length": (coco({"segmentation": {"counts": "abc", "size": [100, 100]}}), "run-length mask"),
+        "outside": (coco({"segmentation": [[60, 60, 180, 60, 80, 80]]}), "leaves the picture of 100 x 100"),
+        "crossing": (coco({"segmentation": [[10, 10, 50, 50, 50, 10, 10, 50]]}), "crosses itself"),
+        "unknown kind": (coco({"category_id": 7}), "category 7 is not listed"),
+        "unknown scene": (coco({}, scene="lunch"), "lists 'lunch', which has no picture"),
+        "two numbers": (coco({"segmentation": [[1, 2]]}), "three points or more"),
+        "no area": (coco({"segmentation": [[10, 10, 20, 20, 30, 30]]}), "encloses nothing"),
+        "no json": ("{", "is no COCO file"),
+        "a list": ("[]", "is no COCO file"),
+    }.values(),
+)
+def test_a_wrong_outline_is_a_fault_with_what_to_do(tmp_path: Path, text: str, fault: str):
+    path = make_folder(tmp_path)
+    (path / "items.json").write_text(text)
+    folder, faults = read_folder(path)
+    assert folder is None and len(faults) == 1 and fault in faults[0], faults
+
+
+def test_one_scene_told_twice_is_a_fault(tmp_path: Path):
+    path = make_folder(tmp_path)
+    (path / "items.json").write_text(coco({}))
+    (path / "items.csv").write_text(f"scene,kind,x,y,angle_deg,radius_m,half_length_m\n{SCENES[0]},cup,.7,.3,0,.1,0\n")
+    assert "items.json: items of breakfast stand in items.csv, too" in "".join(read_folder(path)[1])
+
+
+def arrangements(n: int) -> np.ndarray:
+    """Draw pictures of one patterned table with two discs that move."""
+    rng = np.random.default_rng(0)
+    grain = np.kron(rng.integers(-25, 25, (20, 20, 1)), np.ones((20, 20, 1)))
+    pictures = []
+    for i in range(n):
+        x, y = rng.uniform(0.2, 0.8, (2, 2))
+        table = draw_table((x[0], y[0], 0.06, RED), (x[1], y[1], 0.07, (0.2, 0.3, 0.8)), seed=1)
+        plain = draw_table(seed=1)
+        item = cv2.resize((np.abs(table.astype(int) - plain).max(-1) > 20).astype(np.uint8), (400, 400)) > 0
+        large = cv2.resize(table, (400, 400)).astype(float)
+        pictures.append(np.clip(np.where(item[..., None], large, large + grain), 0, 255).astype(np.uint8))
+    return np.stack(pictures)
+
+
+def test_the_empty_table_comes_from_arrangements_that_move(tmp_path: Path):
+    pictures = arrangements(12)
+    empty = empty_table(pictures)
+    assert empty is not None and empty.is_useful and not empty.moved and not empty.relit
+    bare = arrangements(40)
+    np.testing.assert_allclose(empty.canvas[::8, ::8], np.median(bare, axis=0)[::8, ::8], atol=12)
+
+
+def test_a_moved_camera_and_another_light_are_named(tmp_path: Path):
+    pictures = arrangements(12)
+    pictures[3] = np.roll(pictures[3], 30, axis=1)
+    pictures[7] = np.clip(pictures[7] * 0.3, 0, 255)
+    empty = empty_table(pictures)
+    assert empty is not None and empty.moved == [3] and empty.relit == [7]
+
+
+def test_fewer_than_five_arrangements_give_no_empty_table():
+    assert empty_table(arrangements(4)) is None
+
+
+def test_outlines_survive_their_file():
+    items = {
+        "夕食": [Item("cup", [[1.5, 2.0], [30.0, 2.0], [30.0, 40.0]]), Item("", [[5.0, 5.0], [9.0, 5.0], [9.0, 9.0]])]
+    }
+    text = to_coco(items, {"夕食": "夕食.png"}, {"夕食": (100, 100)})
+    assert from_coco(text) == items
+
+
+@pytest.mark.parametrize("edge", [(0.7, 0.3), (0.7, 0.36)])
+def test_a_click_proposes_the_items_outline(edge: tuple[float, float]):
+    picture = cv2.resize(draw_table((0.7, 0.3, 0.06, RED), (0.3, 0.7, 0.06, WHITE)), (500, 500))
+    point, to = (np.array([x, 1 - y]) * 500 for x, y in ((0.7, 0.3), edge))
+    ring = np.array(propose(picture, point.tolist(), to.tolist()), np.float32)
+    centre, radius = cv2.minEnclosingCircle(ring)
+    np.testing.assert_allclose(centre, (350, 350), atol=5)
+    assert 25 < radius < 36
