@@ -34,7 +34,7 @@ WEIGHT_DECAY = 1e-3
 REUSE = 8  # times that a picture is used on average, each time changed
 FIRST_PARTS = 8  # parts drawn before training begins
 CHECKPOINT_EVERY = 250  # steps
-P_PATH_TRACED = 0.14  # share of the pictures that are of the path-traced training split
+P_PATH_TRACED = 0.18  # share of the pictures that are of the path-traced training split
 PATH_TRACED = Path("rendered/pictures/train")
 
 # Weights in the loss: outlines matter most
@@ -228,5 +228,5 @@ if __name__ == "__main__":
     parser.add_argument("--steps", type=int, required=True)
     parser.add_argument("--out", type=Path, default=WEIGHTS, help="file for the weights")
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
+    torch.set_num_threads(2)  # once the pool is drawn, its core is free
     train(arguments.pool, arguments.out, arguments.steps)

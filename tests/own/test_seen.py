@@ -16,6 +16,8 @@ from tests.own.folders import SCENES, make_folder
 
 SQUARE = [60.0, 60.0, 80.0, 60.0, 80.0, 80.0, 60.0, 80.0]  # in pictures of 100 x 100 pixels
 
+CAPSULES = "scene,kind,x,y,angle_deg,radius_m,half_length_m\n"
+
 
 def coco(*annotations: dict, scene: str = SCENES[0]) -> str:
     whole = {"id": 1, "image_id": 1, "category_id": 1, "segmentation": [SQUARE]}
@@ -51,9 +53,7 @@ def test_a_mask_and_a_capsule_and_a_polygon_tell_the_same(tmp_path: Path):
     (path / "masks").mkdir()
     (path / "masks" / f"{SCENES[1]}.png").write_bytes(cv2.imencode(".png", mask)[1].tobytes())
     (path / "items.json").write_text(coco({}))
-    (path / "items.csv").write_text(
-        f"scene,kind,x,y,angle_deg,radius_m,half_length_m\n{SCENES[2]},cup,.7,.3,0,.11284,0\n"
-    )
+    (path / "items.csv").write_text(CAPSULES + f"{SCENES[2]},cup,.7,.3,0,.11284,0\n")
     objects = read(path).seen.objects
     for i in range(3):
         np.testing.assert_allclose(objects.ends[i, 0].mean(0), (0.7, 0.3), atol=0.01)
@@ -90,7 +90,7 @@ def test_a_wrong_outline_is_a_fault_with_what_to_do(tmp_path: Path, text: str, f
 def test_one_scene_told_twice_is_a_fault(tmp_path: Path):
     path = make_folder(tmp_path)
     (path / "items.json").write_text(coco({}))
-    (path / "items.csv").write_text(f"scene,kind,x,y,angle_deg,radius_m,half_length_m\n{SCENES[0]},cup,.7,.3,0,.1,0\n")
+    (path / "items.csv").write_text(CAPSULES + f"{SCENES[0]},cup,.7,.3,0,.1,0\n")
     assert "items.json: items of breakfast stand in items.csv, too" in "".join(read_folder(path)[1])
 
 
@@ -99,7 +99,7 @@ def arrangements(n: int) -> np.ndarray:
     rng = np.random.default_rng(0)
     grain = np.kron(rng.integers(-25, 25, (20, 20, 1)), np.ones((20, 20, 1)))
     pictures = []
-    for i in range(n):
+    for _ in range(n):
         x, y = rng.uniform(0.2, 0.8, (2, 2))
         table = draw_table((x[0], y[0], 0.06, RED), (x[1], y[1], 0.07, (0.2, 0.3, 0.8)), seed=1)
         plain = draw_table(seed=1)
