@@ -67,6 +67,15 @@ class Composites(NamedTuple):
     look: UInt8[Array, "n 100 100"]  # 1 + number in LOOKS of the item there, 0 for the table
 
 
+class Setting(NamedTuple):
+    """A table, its light and the camera above it."""
+
+    table: Top
+    lamps: list[Lamp]
+    illumination: camera.Picture
+    lens: camera.Camera
+
+
 def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], palette: Palette) -> Composites:
     """Draw `n` pictures on tops of the named families with 0 to 6 items each.
 
@@ -81,16 +90,37 @@ def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], p
         if scene % TOP_USES == 0:
             name, top = draw_top(rng, families, TOP)
         names.append(name)
-        images[scene], instances[scene], empty[scene], see_through[scene], look[scene] = draw_scene(rng, top, palette)
+        drawn = draw_scene(rng, draw_setting(rng, top), palette)
+        images[scene], instances[scene], empty[scene], see_through[scene], look[scene] = drawn
     return Composites(images, instances, empty, np.array(names), see_through, look)
 
 
-def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Array, Array, Array, Array, Array]:
-    """Draw one scene on a top; return its picture, instances, picture without items, see-through pixels and looks."""
+def draw_arrangements(
+    rng: np.random.Generator, n: int, family: str, palette: Palette, light: float = 0.03
+) -> Composites:
+    """Draw `n` arrangements on one table under one camera, whose light varies by this standard deviation."""
+    name, top = draw_top(rng, [family], TOP)
+    setting = draw_setting(rng, top)
+    gains = np.float32(rng.normal(1, light, n))
+    drawn = [draw_scene(rng, setting._replace(illumination=setting.illumination * g), palette) for g in gains]
+    images, instances, empty, see_through, look = (np.stack(parts) for parts in zip(*drawn, strict=True))
+    return Composites(images, instances, empty, np.array([name] * n), see_through, look)
+
+
+def draw_setting(rng: np.random.Generator, top: Top) -> Setting:
+    """Draw a table with its light and camera."""
     table = turned(rng, top)
     lamps = camera.draw_lamps(rng)
     illumination = camera.draw_illumination(rng, lamps)
     illumination *= np.float32(camera.exposed(rng, table, illumination))
+    return Setting(table, lamps, illumination, camera.draw_camera(rng))
+
+
+def draw_scene(
+    rng: np.random.Generator, setting: Setting, palette: Palette
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Draw one scene; return its picture, instances, picture without items, see-through pixels and looks."""
+    table, lamps, illumination, lens = setting
     windows, drawn = draw_items(rng, palette, lamps, table)
     light = camera.shadows(windows, drawn, lamps, rng)
     scene = table * light
@@ -100,7 +130,6 @@ def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Ar
         labels[window][item.silhouette] = k
         look[window][item.silhouette] = 1 + LOOKS.index(item.look)
         clear[window][item.silhouette] = item.alpha[item.silhouette].sum() < SEE_THROUGH * item.silhouette.sum()
-    lens = camera.draw_camera(rng)
     image, empty = (lens.take(rng, lit * illumination) for lit in (scene, table))
     instances = lens.label(labels, len(drawn))
     shown = instances > 0

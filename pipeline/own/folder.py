@@ -14,11 +14,11 @@ from scipy.spatial import KDTree
 from pipeline.models.base import Z_RANGE_M
 from pipeline.own import files
 from pipeline.own.demonstrations import read_samples
-from pipeline.own.empty import Empty, empty_table
 from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCENES, SETTINGS, Faults, normal
 from pipeline.own.frame import Frame, outline, rectify
 from pipeline.own.items import COCO, MASKS, Told, Views, read_items
 from pipeline.own.seen import ALONE, EMPTY, STACK, Seen, look
+from pipeline.perception.empty import Empty, empty_table
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT, curve
 from pipeline.world.bezier_fit import fit

@@ -21,7 +21,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from making.render.read import Rendered, read_rendered
-from making.segmenter.composites import FAMILIES, draw_composites, read_palette
+from making.segmenter.composites import FAMILIES, draw_arrangements, draw_composites, read_palette
 from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
@@ -31,6 +31,7 @@ from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.models.baselines import position_only
 from pipeline.models.clearance.clearance import pack
 from pipeline.models.trained import load_model
+from pipeline.perception.empty import empty_table
 from pipeline.perception.objects import SUPERSAMPLING, Objects, detect_objects, fit_capsule
 from pipeline.planning.nearest import by_percept, nearest
 from pipeline.planning.results import Starts, measures, rows
@@ -72,6 +73,7 @@ class Headlines(Group):
 
 class Settings(StudyGroup):
     pictures: Count
+    arrangements: Count
     folder: str
     rendered: Some
     headlines: Headlines
@@ -96,6 +98,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "families.csv", recall(items, ["kind", "family", "detector"]))
     write_table(out_dir / "summary.csv", recall(items, ["kind", "detector"]))
     write_arrays(out_dir / "examples.npz", examples)
+    write_table(out_dir / "arrangements.csv", recall(on_arrangements(cfg), ["kind", "detector"]))
     parts = map_jobs(partial(on_tables, cfg), list(study.rendered), cfg.workers, "path-traced splits")
     transfer = Transfer(*(pd.concat(tables, ignore_index=True) for tables in zip(*parts, strict=True)))
     accuracy = mean_accuracy(pd.concat([baselines(cfg), transfer.accuracy], ignore_index=True))
@@ -125,6 +128,23 @@ def on_composites(cfg: DictConfig) -> tuple[pd.DataFrame, dict[str, Array]]:
                 examples[f"{family}.{name}.radius"] = np.where(objects.present, objects.radius, np.nan)[:1]
         examples[f"{family}.image"] = composites.images[:1]
     return pd.concat(parts, ignore_index=True), examples
+
+
+def on_arrangements(cfg: DictConfig) -> pd.DataFrame:
+    """Return the items of arrangements under a fixed camera, a table of each family, by how the table is known."""
+    study, palette, parts = cfg.studies.perception, read_palette(cfg.paths.data), []
+    for family in tqdm(FAMILIES, desc="arrangements"):
+        rng = stream(study.root_seed, "arrangements", family)
+        drawn = draw_arrangements(rng, study.arrangements, family, palette)
+        taken = empty_table(drawn.images)
+        tables = {"segmenter": None, "segmenter_empty": drawn.empty, "segmenter_pictures": None}
+        if taken is not None and taken.is_useful:
+            tables["segmenter_pictures"] = np.repeat(taken.canvas[None], len(drawn.images), 0)
+        for name, empty in tables.items():
+            found = detect_objects(to_tensor(drawn.images), None if empty is None else to_tensor(empty))
+            table = found_items(found, drawn.instances)
+            parts.append(table.assign(kind=FAMILIES[family].kind, family=family, detector=name))
+    return pd.concat(parts, ignore_index=True)
 
 
 def found_items(objects: Objects, instances: UInt8[Array, "scene row column"]) -> pd.DataFrame:

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.own.empty import empty_table
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
 from pipeline.own.seen import ALONE, TOLD
+from pipeline.perception.empty import empty_table
 from tests.factories import RED, WHITE, draw_table
 from tests.own.folders import SCENES, make_folder
 
