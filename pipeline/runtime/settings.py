@@ -116,7 +116,7 @@ class Protocol(Group):
 
 
 class Graph(Group):
-    """What dvc.yaml runs once per name: variants of each stage that fits, and pages of studies."""
+    """Name what dvc.yaml runs once each: variants of each stage that fits, and pages of studies."""
 
     train: Names
     irl: Names
