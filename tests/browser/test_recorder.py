@@ -1,5 +1,6 @@
 """The recorder in a real browser: mouse, finger and keys draw; a kill loses only the path that was being drawn."""
 
+import json
 from collections.abc import Callable, Iterator
 from itertools import product
 from pathlib import Path
@@ -251,3 +252,22 @@ def test_axe_finds_no_violation_no_step_scrolls_sideways_and_nothing_is_loaded_f
         assert results.violations_count == 0, results.generate_report()
         assert page.evaluate("document.documentElement.scrollWidth") == width
         page.close()
+
+
+def test_items_are_outlined_by_a_click_named_and_undone(tab: Callable[..., Page], folder: Path):
+    page, message = tab("items/first"), "#message"
+    expect(page.locator(message)).to_contain_text("items found", timeout=90_000)  # torch takes long to import
+    click(page, [(0.4, 0.5)])
+    expect(page.locator(message)).to_contain_text("Stored: 1 item")
+    page.get_by_label("Kind of the chosen item").fill("Tasse")
+    page.keyboard.press("Enter")
+    expect(page.locator(message)).to_contain_text("Stored: 1 item")
+    click(page, [(0.7, 0.4)])
+    expect(page.locator(message)).to_contain_text("Stored: 2 items")
+    page.keyboard.press("u")
+    expect(page.locator(message)).to_contain_text("Stored: 1 item")
+    coco = json.loads((folder / "items.json").read_text())
+    assert [category["name"] for category in coco["categories"]] == ["Tasse"]
+    (one,) = coco["annotations"]
+    ring = np.reshape(one["segmentation"][0], (-1, 2))
+    np.testing.assert_allclose((ring.min(0) + ring.max(0)) / 2, pixels([(0.4, 0.5)])[0], atol=6)
