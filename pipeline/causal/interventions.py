@@ -174,8 +174,10 @@ def cells_as_in_the_paper(table: pd.DataFrame) -> dict[str, int]:
 
 
 def bold_or_plain(table: pd.DataFrame) -> str:
-    """Return a sentence on cells that are bold or plain as in the paper: its model's, and without the picture."""
+    """Return a sentence on the numbers that are bold or plain as in the paper: its model's, and without the picture."""
     printed = table[(table["source"] == PAPER) & (table["change"] != NONE)]["bold"].astype(bool)
     count, blind, model = len(printed), int((~printed).sum()), cells_as_in_the_paper(table).get("full")
     ours = "" if model is None else f" its model {model} of {count};"
-    return f"Cells bold or plain as in the paper:{ours} with nothing bold, as without the picture, {blind} of {count}."
+    return (
+        f"Numbers bold or plain as in the paper:{ours} with nothing bold, as without the picture, {blind} of {count}."
+    )

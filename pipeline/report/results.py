@@ -143,7 +143,7 @@ class Results(Data):
     @property
     def bold_or_plain(self) -> str:
         """Return the sentence on cells of Table 2 that are bold or plain as in the paper."""
-        return bold_or_plain(self.table("bold")).replace("cells", "numbers")  # plain words on pages
+        return bold_or_plain(self.table("bold"))
 
     @property
     def largest_difference(self) -> float | None:

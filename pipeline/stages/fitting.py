@@ -1,4 +1,4 @@
-"""What stages train, irl and clearance share: list the models to fit, fit them in batches, and write their files.
+"""Fit the models of stages train, irl and clearance: list them, fit them in batches, and write their files.
 
 A model has a seed, a user and a number of demonstrations. One process fits a batch by one call. Within a batch either
 all models have varying labels or none has.

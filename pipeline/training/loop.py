@@ -152,7 +152,7 @@ class TrainingSet:
 
 
 class Trainer(NamedTuple):
-    """How the models of one variant are fitted."""
+    """Say how the models of one variant are fitted."""
 
     kind: type[ValidityModel]
     fit: Callable[..., list[Array]]  # (models, images, z_theta, valid, seeds=, checkpoints=) -> curves; must pickle

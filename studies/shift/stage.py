@@ -183,7 +183,7 @@ def predict_after_label_noise(
 
 
 class Fitted(NamedTuple):
-    """What one model fitted again says of the added items' scenes."""
+    """Hold what one model fitted again says of the added items' scenes."""
 
     p: Float[Array, "image path"]
     training_accuracy: float
