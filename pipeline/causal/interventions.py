@@ -179,5 +179,5 @@ def bold_or_plain(table: pd.DataFrame) -> str:
     count, blind, model = len(printed), int((~printed).sum()), cells_as_in_the_paper(table).get("full")
     ours = "" if model is None else f" its model {model} of {count};"
     return (
-        f"Numbers bold or plain as in the paper:{ours} with nothing bold, as without the picture, {blind} of {count}."
+        f"Numbers bold or plain as in the paper:{ours} with none bold, as without the picture, {blind} of {count}."
     )
