@@ -139,8 +139,8 @@ params: $(READY)  ## write params.yaml from conf/
 	python -m pipeline.params
 
 POOL := outputs/segmenter
-segmenter: data-here  ## train perception anew on composites, 30 minutes on two cores; its weights are in git, so no other target needs it
-	python -m making.segmenter.pool --pool $(POOL) --parts 44 & python -m making.segmenter.train --pool $(POOL) --steps 11000 && wait
+segmenter: data-here  ## train perception anew on composites, 80 minutes on two cores; its weights are in git, so no other target needs it
+	python -m making.segmenter.pool --pool $(POOL) --parts 112 & python -m making.segmenter.train --pool $(POOL) --steps 14000 && wait
 
 data: $(READY)  ## draw data/ anew and put it into the store
 	python -m making.data

@@ -1,6 +1,6 @@
 """Train the segmenter on a pool of composites, without any user's label; `make segmenter` runs it.
 
-python -m making.segmenter.train --pool FOLDER --steps 11000
+python -m making.segmenter.train --pool FOLDER --steps 14000
 
 Another process draws the pool meanwhile (making/segmenter/pool.py). The training waits for parts that are not there
 yet, so its result does not depend on their speeds.
@@ -31,7 +31,7 @@ RATE = 3e-3  # AdamW's peak learning rate
 WARM_UP = 300  # steps in which the rate rises to its peak
 COOL_DOWN = 0.25  # share of the steps, the last ones, in which it falls to 0
 WEIGHT_DECAY = 1e-3
-REUSE = 8  # times that a picture is used on average, each time changed
+REUSE = 4  # times that a picture is used on average, each time changed
 FIRST_PARTS = 8  # parts drawn before training begins
 CHECKPOINT_EVERY = 250  # steps
 P_PATH_TRACED = 0.18  # share of the pictures that are of the path-traced training split
