@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from pipeline.world.bezier import P_F, P_INIT, basis, random_z_theta
+from pipeline.world.bezier import P_F, P_INIT, basis, curve, random_z_theta
 from pipeline.world.bezier_fit import fit
-from pipeline.world.hand import Hand, join, simulate
+from pipeline.world.hand import ARC_POINTS, Hand, join, simulate
 
 HAND = Hand(
     rate_hz=50.0,
@@ -55,7 +55,7 @@ def by_scipy(x: np.ndarray) -> float:
 @pytest.mark.benchmark(group=f"fit of {MANY} recordings")
 def test_all_at_once_is_a_hundred_times_faster_at_equal_residual(benchmark):
     rng = np.random.default_rng(0)
-    samples, offsets = join([simulate(rng, z, HAND) for z in random_z_theta(rng, MANY)])
+    samples, offsets = join([simulate(rng, curve(z, ARC_POINTS), HAND) for z in random_z_theta(rng, MANY)])
     points = samples[:, 1:3]
     fits = benchmark.pedantic(fit, (points, offsets, 0.004), rounds=3, warmup_rounds=1)
     begin = time.perf_counter()

@@ -23,9 +23,11 @@ from threadpoolctl import ThreadpoolController
 from tqdm import tqdm
 
 from pipeline.models.base import ValidityModel, check_images, check_paths
+from pipeline.models.curves import resample
 from pipeline.models.trained import build, read_weights
 from pipeline.perception.objects import Objects
-from pipeline.planning.repair import Ascent
+from pipeline.planning.bumps import POINTS, basis, displacement
+from pipeline.planning.repair import Ascent, Repairs
 from pipeline.planning.repair import repair as climb
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
@@ -59,6 +61,7 @@ TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearan
 }  # fmt: skip
 REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5}  # conf/repair.yaml
 INFORMATIVE_SCENES, INFORMATIVE_CHANGE = 20, 0.01  # see `effect`
+CURVE_POINTS = 5  # points along a curve that the paper's model reads
 ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 to 1
 
 
@@ -118,7 +121,7 @@ class Effect(NamedTuple):
 @undisturbed()
 def fit(
     images: Array | Objects,
-    z_theta: Array,
+    paths: Array,
     valid: Array,
     variant: str = "clearance",
     seed: int = 0,
@@ -128,7 +131,8 @@ def fit(
 
     images: uint8 (scene, 100, 100, 3), seen from above, row 0 at the far edge of the 1 m table. A clearance model also
     takes `Objects`: what stands on each table, as somebody told; its model then takes them everywhere.
-    z_theta: (scene, n, 2) [m], the control point of each demonstrated path.
+    paths: (scene, n, 2) [m], z_theta, the control point of each demonstrated path of the paper's kind; or
+    (scene, n, point, 2) [m], points along paths of any shape and ends. A model takes the kind that it was fitted to.
     valid: bool (scene, n), the user's labels.
     variant: one of SETTINGS (full, ae, classifier, irl_maxent, irl_ranked, clearance).
     seed: decides the initial weights and all randomness of the training.
@@ -141,8 +145,8 @@ def fit(
         raise InputError(f"variant {variant!r}: expected one of {', '.join(SETTINGS)}")
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise InputError(f"seed {seed!r}: expected a whole number from 0")
-    _check_scenes(images, z_theta)
-    dtype, shape = str(getattr(valid, "dtype", type(valid).__name__)), np.shape(z_theta)[:2]
+    _check_scenes(images, paths)
+    dtype, shape = str(getattr(valid, "dtype", type(valid).__name__)), np.shape(paths)[:2]
     if dtype != "bool" or valid.shape != shape:
         raise InputError(f"valid is {dtype} of shape {np.shape(valid)}: expected bool of shape {shape}, one a path")
     if valid.all() or not valid.any():
@@ -151,8 +155,10 @@ def fit(
     settings, seed = SETTINGS[variant], int(seed)
     if isinstance(images, Objects) and settings["kind"] == "clearance":
         settings = settings | {"model": settings["model"] | {"kinds": images.kinds.shape[-1]}}
+    if paths.ndim == 4 and settings["kind"] == "vae":
+        settings = settings | {"model": settings["model"] | {"path_numbers": 2 * CURVE_POINTS}}
     model = build(settings, seed)
-    z = np.asarray(z_theta, dtype=np.float64)
+    z = np.asarray(paths, dtype=np.float64)
     steps = TRAINING[settings["stage"]]["steps"]
     bar = _Bar(steps[settings["objective"]] if settings["stage"] == "irl" else steps, progress)
     with bar.bar:
@@ -162,10 +168,11 @@ def fit(
 
 
 @undisturbed()
-def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
-    """Return, for each start, the z_theta (scene, path, 2) [m] of a path that the model accepts; NaN if none.
+def repair(model: ValidityModel, images: Array | Objects, starts: Array) -> Array:
+    """Return, for each start, the path that the model accepts, z_theta or points as the starts [m]; NaN if none.
 
-    images: uint8 (scene, 100, 100, 3). starts: (scene, path, 2) [m].
+    images, starts: as the images and paths of `fit`. Curves come back with as many points, evenly along them, and keep
+    their ends.
 
     Takes the paper's gradient steps on the model's log-odds and returns the nearest accepted point on the way, that
     is, one with P(valid) > .8: the start itself, if it is accepted. It can be far from the start. Starts and steps are
@@ -175,6 +182,8 @@ def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
     _check_model(model)
     _check_scenes(images, starts, name="starts", at_least=1)
     steps = climb(model, images, np.asarray(starts, dtype=np.float64), Ascent(**REPAIR))
+    if starts.ndim == 4:
+        return _nearest_curve(steps, starts)
     distances = np.linalg.norm(steps.z - steps.z[:, :, :1], axis=-1)  # (scene, path, step)
     nearest = np.where(steps.p > ACCEPTED_ABOVE, distances, np.inf).argmin(-1)[..., None]
     ends = np.take_along_axis(steps.z, nearest[..., None], axis=2)[:, :, 0].astype(np.float64)
@@ -183,14 +192,28 @@ def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
     return ends
 
 
+def _nearest_curve(steps: Repairs, starts: Array) -> Array:
+    """Return each start at the least displacement that is accepted, with as many points as before."""
+    offsets = steps.z.astype(np.float64)  # (scene, path, step, offset, 2)
+    nearest = np.where(steps.p > ACCEPTED_ABOVE, displacement(offsets), np.inf).argmin(-1)
+    chosen = np.take_along_axis(offsets, nearest[..., None, None, None], axis=2)[:, :, 0]
+    ends = resample(torch.from_numpy(starts.astype(np.float64)), POINTS) + torch.from_numpy(basis() @ chosen)
+    ends = np.where(nearest[..., None, None] == 0, starts, resample(ends, starts.shape[2]).numpy())
+    ends[(steps.p <= ACCEPTED_ABOVE).all(-1)] = np.nan
+    return ends
+
+
 @undisturbed()
 def effect(
-    model: ValidityModel | Sequence[ValidityModel], images: Array, images_with_item: Array, z_theta: Array
+    model: ValidityModel | Sequence[ValidityModel],
+    images: Array | Objects,
+    images_with_item: Array | Objects,
+    paths: Array,
 ) -> Effect:
     """Return the estimated effect of an added item on the validity of paths: E[V | do(add item)] - E[V].
 
-    images, images_with_item: uint8 (scene, 100, 100, 3), the same scenes without and with the item.
-    z_theta: (scene, path, 2) [m], the same paths in both.
+    images, images_with_item: as the images of `fit`, the same scenes without and with the item.
+    paths: as in `fit`, the same paths in both.
 
     Scenes are the unit of replication. For one model, interval and p are those of a one-sample t-test over scenes,
     corrected for skewness (Hall, 1992), and do not cover other training sets. For a sequence of models with separate
@@ -200,7 +223,7 @@ def effect(
     Pearson, 1934): an item that changes nothing in 60 scenes is negligible, in 30 undecided. Raises InputError as
     `fit`.
     """
-    _check_scenes(images, z_theta)
+    _check_scenes(images, paths)
     _check_images(images_with_item, "images_with_item")
     if len(images_with_item) != len(images):
         raise InputError(
@@ -211,7 +234,7 @@ def effect(
         raise InputError("no model: expected a model or a sequence of models")
     for one in models:
         _check_model(one)
-    z = np.asarray(z_theta, dtype=np.float64)
+    z = np.asarray(paths, dtype=np.float64)
     changes = [m.probability(images_with_item, z).astype(float) - m.probability(images, z) for m in models]
     effects = np.stack(changes).mean(-1)  # (model, scene)
     estimates = estimate(effects[None], skewed=True)
@@ -277,11 +300,11 @@ def _check_images(images: Any, name: str) -> None:
         raise InputError(f"{name}[{black.argmax()}] is mostly black: expected the image of a table in each scene")
 
 
-def _check_scenes(images: Any, z_theta: Any, name: str = "z_theta", at_least: int = 2) -> None:
+def _check_scenes(images: Any, paths: Any, name: str = "paths", at_least: int = 2) -> None:
     """Raise InputError unless images and paths have the library's shapes and units."""
     _check_images(images, "images")
     if len(images) < at_least:
         raise InputError(f"number of scenes is {len(images)}: expected at least {at_least}")
-    check_paths(z_theta, len(images), name)
-    if not np.shape(z_theta)[1]:
+    check_paths(paths, len(images), name)
+    if not np.shape(paths)[1]:
         raise InputError(f"{name} has no paths: expected at least one a scene")

@@ -93,7 +93,8 @@ def clearance_model(seed: int = 0, **shape: object) -> ClearanceModel:
 def percept(layouts: Layouts) -> torch.Tensor:
     """Layouts as the clearance model perceives them, in double precision: the same features for all objects."""
     features, doubt = np.zeros((*layouts.present.shape, len(FEATURES))), np.zeros(len(layouts))
-    return pack(layouts.ends, layouts.radius, features, layouts.present, doubt)
+    kinds = np.zeros((*layouts.present.shape, 0))
+    return pack(layouts.ends, layouts.radius, features, layouts.present, doubt, kinds)
 
 
 def least_gaps(layouts: Layouts, scene: int) -> tuple[float, float]:

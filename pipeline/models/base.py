@@ -18,7 +18,7 @@ from pipeline.world.layout import SIDE
 Array = np.ndarray
 Images = UInt8[Array, "scene 100 100 3"]  # [0, 255]
 Pixels = Float[Tensor, "scene 3 100 100"]  # [0, 1]
-Paths = Float[Tensor, "scene path 2"]  # control points [m]
+Paths = Float[Tensor, "scene path 2"] | Float[Tensor, "scene path point 2"]  # z_theta, or points of any curve [m]
 LogOdds = Float[Tensor, "scene path"]
 Z_RANGE_M = -1.5, 2.5  # of a control point [m]: it bends a path up to half a metre beyond the table, as hands may go
 SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most in the last bit
@@ -37,12 +37,16 @@ def check_images(images: Any, name: str = "images") -> None:
 
 
 def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
-    """Raise InputError, which calls the argument `name`, unless z_theta is metres of shape (scenes, path, 2)."""
-    expected = f"({scenes}, path, 2), the paths of each of {scenes} scenes"
+    """Raise InputError, which calls the argument `name`, unless it holds metres of shape (scenes, path, 2).
+
+    Points of curves, of shape (scenes, path, point, 2) with two points at least, are right, too.
+    """
+    expected = f"({scenes}, path, 2), or ({scenes}, path, point, 2): the paths of each of {scenes} scenes"
     if not isinstance(z_theta, np.ndarray) or z_theta.dtype.kind not in "fiu":
         given = getattr(z_theta, "dtype", type(z_theta).__name__)
         raise InputError(f"{name} is {given}: expected a NumPy array of numbers [m] of shape {expected}")
-    if z_theta.ndim != 3 or len(z_theta) != scenes or z_theta.shape[2] != 2:
+    curves = z_theta.ndim == 4 and z_theta.shape[2] > 1
+    if not (curves or z_theta.ndim == 3) or len(z_theta) != scenes or z_theta.shape[-1] != 2:
         raise InputError(f"{name} has shape {z_theta.shape}: expected {expected}")
     if not np.isfinite(z_theta).all():
         raise InputError(f"{name} has NaN or infinite values: drop those paths")
@@ -69,7 +73,10 @@ class ValidityModel(nn.Module, ABC):
 
     @abstractmethod
     def logit(self, percept: Tensor, z_theta: Paths) -> LogOdds:
-        """Return the log-odds that each path [m] is valid; differentiable in `z_theta`."""
+        """Return the log-odds that each path [m] is valid; differentiable in `z_theta`.
+
+        Points of curves may lie at any distances along them: models resample them evenly (`curves.resample`).
+        """
 
     def see(self, scenes: Images | Objects) -> Tensor:
         """Return the percept of pictures or, if the model takes them, of objects that somebody told."""
@@ -78,12 +85,12 @@ class ValidityModel(nn.Module, ABC):
         return self.perceive(to_tensor(scenes))
 
     def probability(
-        self, images: Images | Objects, z_theta: Float[Array, "scene path 2"]
+        self, images: Images | Objects, z_theta: Float[Array, "scene path 2"] | Float[Array, "scene path point 2"]
     ) -> Float[Array, "scene path"]:
         """Return P(valid) of each path [m] as float32; switches to `eval()` mode and keeps no gradient.
 
         The caller's autocast and default device do not matter. Raises InputError unless images are uint8
-        (scene, 100, 100, 3) and paths are finite metres (scene, path, 2).
+        (scene, 100, 100, 3) and paths are finite metres (scene, path, 2) or (scene, path, point, 2).
         """
         check_images(images)
         check_paths(z_theta, len(images))

@@ -1,6 +1,8 @@
 """Repair paths by gradient ascent on a model's log-odds of validity (paper, "Trajectory Backpropagation")."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -10,6 +12,9 @@ from numpy import ndarray as Array
 from torch import Tensor
 
 from pipeline.models.base import Images, ValidityModel
+from pipeline.models.curves import resample
+from pipeline.perception.objects import Objects
+from pipeline.planning.bumps import POINTS, basis
 from pipeline.runtime.roots import square_root
 from pipeline.runtime.settings import Count, Group, Size
 from pipeline.world.bezier import Z_HIGH, Z_LOW
@@ -31,44 +36,61 @@ class Ascent(Group):
 
 @dataclass(frozen=True)
 class Repairs:
-    """All steps of all repairs, including the start."""
+    """All steps of all repairs, including the start; of curves, `z` holds the offsets (point, offset, 2)."""
 
-    z: Float[Array, "scene start point 2"]  # start and all steps [m], float32
+    z: Float[Array, "scene start point *offset 2"]  # start and all steps [m], float32
     p: Float[Array, "scene start point"]  # P(valid) by the model at these points, float32
 
 
-def repair(model: ValidityModel, images: Images, starts: Float[Array, "scene start 2"], ascent: Ascent) -> Repairs:
+def repair(
+    model: ValidityModel,
+    images: Images | Objects,
+    starts: Float[Array, "scene start 2"] | Float[Array, "scene start point 2"],
+    ascent: Ascent,
+    free_ends: bool = False,
+) -> Repairs:
     """Take `ascent.steps` steps from each start [m] along Delta = d log-odds(v = 1) / d z_theta; return all points.
 
     The paper's Delta (Section "Problem Formulation") is the gradient of C_s. The gradient of the log-odds has the same
     direction but does not vanish where p is near 0 or 1. Starts and steps are clipped to the z_theta square.
-    The model perceives each scene once; starts do not affect each other.
+    The model perceives each scene once; starts do not affect each other. Curves, given by their points, take steps in
+    the offsets of `planning.bumps`, with their ends fixed unless `free_ends`; nothing clips them.
     """
     with torch.no_grad():
         percept = model.eval().see(images)
-    z = torch.as_tensor(np.asarray(starts, dtype=np.float32)).clamp(Z_LOW, Z_HIGH)
+    given = torch.as_tensor(np.asarray(starts, dtype=np.float32))
+    if given.ndim == 4:
+        curves, b = resample(given, POINTS), torch.from_numpy(basis(free_ends)).float()
+        z, least, most = given.new_zeros(*given.shape[:2], b.shape[1], 2), -np.inf, np.inf
+
+        def logit(z: Tensor) -> Tensor:
+            return model.logit(percept, curves + b @ z)
+
+    else:
+        z, least, most = given.clamp(Z_LOW, Z_HIGH), Z_LOW, Z_HIGH
+        logit = partial(model.logit, percept)
     mean, squares = torch.zeros_like(z), torch.zeros_like(z)
     path, log_odds = [z], []
     for step in range(ascent.steps):
-        value, delta = _log_odds_and_delta(model, percept, z)
+        value, delta = _log_odds_and_delta(logit, z)
         if ascent.optimiser == "adam":
             mean = DECAY * mean + (1 - DECAY) * delta
             squares = SQUARES_DECAY * squares + (1 - SQUARES_DECAY) * delta.square()
             spread = square_root(squares / (1 - SQUARES_DECAY ** (step + 1)))
             delta = mean / (1 - DECAY ** (step + 1)) / (spread + EPSILON)
-        z = (z + ascent.rate * (1 - step / ascent.steps) * delta).clamp(Z_LOW, Z_HIGH)
+        z = (z + ascent.rate * (1 - step / ascent.steps) * delta).clamp(least, most)
         path.append(z)
         log_odds.append(value)
     with torch.no_grad():
-        log_odds.append(model.logit(percept, z))
+        log_odds.append(logit(z))
     return Repairs(torch.stack(path, dim=2).numpy(), torch.sigmoid(torch.stack(log_odds, dim=2)).numpy())
 
 
-def _log_odds_and_delta(model: ValidityModel, percept: Tensor, z: Tensor) -> tuple[Tensor, Tensor]:
-    """Return each path's log-odds and their gradient with respect to z_theta; weights receive no gradient."""
+def _log_odds_and_delta(logit: Callable[[Tensor], Tensor], z: Tensor) -> tuple[Tensor, Tensor]:
+    """Return each path's log-odds and their gradient with respect to `z`; weights receive no gradient."""
     z = z.detach().requires_grad_()
     with torch.enable_grad():
-        log_odds = model.logit(percept, z)
+        log_odds = logit(z)
         if not log_odds.requires_grad:  # the model ignores the path
             return log_odds, torch.zeros_like(z)
         (delta,) = torch.autograd.grad(log_odds.sum(), z)

@@ -14,9 +14,9 @@ from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Whole, need
 from pipeline.runtime.streams import stream
-from pipeline.world.bezier import random_z_theta
+from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.bezier_fit import fit
-from pipeline.world.hand import Hand, join, simulate, valid_trajectories
+from pipeline.world.hand import ARC_POINTS, Hand, join, simulate, valid_trajectories
 from pipeline.world.rules import valid
 
 
@@ -50,7 +50,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     hand, trajectories = Hand.of(cfg.demos.hand), []
     for key in tqdm(keys, desc="demos"):
         rng = stream(cfg.demos.root_seed, "demos", "recording", *key)
-        trajectory = simulate(rng, random_z_theta(rng), hand)
+        trajectory = simulate(rng, curve(random_z_theta(rng), ARC_POINTS), hand)
         trajectories.append(trajectory.astype(np.float32).astype(float))  # rounded to the stored numbers
     samples, offsets = join(trajectories)
     fits = fit(samples[:, 1:3], offsets, cfg.demos.poor_above_m)

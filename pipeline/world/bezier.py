@@ -1,11 +1,13 @@
-"""Quadratic Bezier paths between the task's two fixed ends (paper, Section "Dataset").
+"""Bezier paths: the paper's between the task's two fixed ends (Section "Dataset"), and of any degree and ends.
 
-A path is given by its central control point z_theta [m]. All paths share the ends P_INIT and P_F.
+A path of the paper is given by its central control point z_theta [m], and all share the ends P_INIT and P_F. Any other
+smooth path is given by all of its control points, the first and the last being its ends.
 """
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
+from scipy.special import comb
 
 P_INIT = np.array([0.08, 0.08])  # p_init of the paper: bottom left of the table [m]
 P_F = np.array([0.92, 0.92])  # p_f of the paper: top right of the table [m]
@@ -22,6 +24,23 @@ def curve(z_theta: Float[Array, "*path 2"], samples: int) -> Float[Array, "*path
     b = basis(np.linspace(0.0, 1.0, samples))  # (samples, 3)
     ends = b[:, :1] * P_INIT + b[:, 2:] * P_F  # (samples, 2)
     return ends + b[:, 1:2] * z_theta[..., None, :]
+
+
+def bernstein(t: Float[Array, "*t"], degree: int) -> Float[Array, "*t control"]:
+    """Return the Bernstein polynomials of a degree at parameters `t` in [0, 1]."""
+    k = np.arange(degree + 1)
+    return comb(degree, k) * t[..., None] ** k * (1 - t[..., None]) ** (degree - k)
+
+
+def bezier(controls: Float[Array, "*path control 2"], samples: int) -> Float[Array, "*path samples 2"]:
+    """Return the points [m] of each path at `samples` evenly spaced parameters, including both ends."""
+    return bernstein(np.linspace(0.0, 1.0, samples), controls.shape[-2] - 1) @ controls
+
+
+def as_controls(z_theta: Float[Array, "*path 2"]) -> Float[Array, "*path 3 2"]:
+    """Return the three control points [m] of the paper's paths."""
+    ends = [np.broadcast_to(end, z_theta.shape) for end in (P_INIT, P_F)]
+    return np.stack([ends[0], z_theta, ends[1]], axis=-2)
 
 
 def random_z_theta(rng: np.random.Generator, *shape: int) -> Float[Array, "*shape 2"]:

@@ -11,11 +11,10 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.runtime.settings import Distance, Group, Pair, Size, Spread
-from pipeline.world.bezier import curve
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, line_clearance, slack
 
-ARC_POINTS = 513  # points on the intended path for measuring its arc length
+ARC_POINTS = 513  # points on a smooth path, enough for measuring its length
 
 
 class Hand(Group):
@@ -32,13 +31,12 @@ class Hand(Group):
     height_drift_m: Distance  # standard deviation of the height's slow variation
 
 
-def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -> Float[Array, "sample 4"]:
-    """Simulate a hand that follows the Bezier path of `z_theta` [m]; return its trajectory.
+def simulate(rng: np.random.Generator, path: Float[Array, "point 2"], hand: Hand) -> Float[Array, "sample 4"]:
+    """Simulate a hand that follows a path, given by ARC_POINTS points or about as many [m]; return its trajectory.
 
     The speed profile along the arc has minimum jerk (Flash and Hogan, 1985). The duration is the path's length divided
     by a random mean speed. Tremor and a slow drift are added; the drift vanishes at both ends.
     """
-    path = curve(z_theta, ARC_POINTS)
     passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     duration = passed[-1] / (hand.speed_m_s * np.exp(hand.speed_spread * rng.standard_normal()))
     count = max(3, round(duration * hand.rate_hz) + 1)

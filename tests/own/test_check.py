@@ -18,7 +18,7 @@ from pipeline.own.frame import Frame
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT, basis, curve, random_z_theta
 from pipeline.world.bezier_fit import fit
-from pipeline.world.hand import Hand, simulate
+from pipeline.world.hand import ARC_POINTS, Hand, simulate
 from tests.factories import composed, draw_table
 from tests.own.folders import SCENES, add_kind, change, edit, make_folder, write_picture
 
@@ -308,7 +308,9 @@ MOVEMENTS = [
 def test_what_a_hand_does_is_no_fault(extreme: dict, decimals: int):
     hand, rng, parts = Hand.of({**composed().demos.hand, **extreme}), np.random.default_rng(0), []
     for demo, z_theta in enumerate(random_z_theta(rng, 40)):
-        rows = pd.DataFrame(simulate(rng, z_theta, hand)[:, :3].round(decimals), columns=["t", "x", "y"])
+        rows = pd.DataFrame(
+            simulate(rng, curve(z_theta, ARC_POINTS), hand)[:, :3].round(decimals), columns=["t", "x", "y"]
+        )
         parts.append(rows.assign(scene="a", user="b", demo=f"{demo:03}", valid=True, name=str(demo)))
     samples, faults = pd.concat(parts, ignore_index=True), Faults()
     check_paths(samples, check_settings({}), faults)

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
 from pipeline.world.bezier_fit import fit
-from pipeline.world.hand import Hand, join, simulate
+from pipeline.world.hand import ARC_POINTS, Hand, join, simulate
 
 HAND = Hand(
     rate_hz=50.0,
@@ -61,7 +61,7 @@ def test_points_of_a_path_are_fitted_by_that_path(x: float, y: float, count: int
 
 def test_a_fit_does_not_depend_on_the_trajectories_beside_it():
     rng = np.random.default_rng(11)
-    samples, offsets = join([simulate(rng, one, HAND) for one in random_z_theta(rng, 20)])
+    samples, offsets = join([simulate(rng, curve(one, ARC_POINTS), HAND) for one in random_z_theta(rng, 20)])
     points = samples[:, 1:3]
     together = fit(points, offsets, 0.004)
     for i, (first, last) in enumerate(pairwise(offsets)):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
-from pipeline.world.hand import Hand, join, simulate, valid_trajectories
+from pipeline.world.hand import ARC_POINTS, Hand, join, simulate, valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
 
 HAND = Hand(
@@ -27,7 +27,7 @@ STEADY = HAND.model_copy(
 
 def test_simulated_trajectories_keep_to_the_ends_vary_in_length_and_are_sampled_at_about_50_hz():
     rng = np.random.default_rng(3)
-    made = [simulate(rng, z, HAND) for z in random_z_theta(rng, 200)]
+    made = [simulate(rng, curve(z, ARC_POINTS), HAND) for z in random_z_theta(rng, 200)]
     assert all((np.diff(r[:, 0]) > 0).all() for r in made)
     assert all(np.abs(r[[0, -1], 1:3] - [P_INIT, P_F]).max() < 0.01 for r in made)
     assert len({len(r) for r in made}) > 50
@@ -38,7 +38,7 @@ def test_simulated_trajectories_keep_to_the_ends_vary_in_length_and_are_sampled_
 
 def test_a_steady_hand_follows_the_arc_with_minimum_jerk():
     z = np.array([0.1, 0.9])
-    t, x, y, _ = simulate(np.random.default_rng(0), z, STEADY).T
+    t, x, y, _ = simulate(np.random.default_rng(0), curve(z, ARC_POINTS), STEADY).T
     passed = np.concatenate([[0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     tau = t / t[-1]
     np.testing.assert_allclose(passed / passed[-1], 10 * tau**3 - 15 * tau**4 + 6 * tau**5, atol=1e-3)

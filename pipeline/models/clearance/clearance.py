@@ -20,6 +20,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from pipeline.models.base import Images, LogOdds, Paths, Pixels, ValidityModel
+from pipeline.models.curves import resample
 from pipeline.perception.objects import FEATURES, Objects, detect_objects
 from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import P_F, P_INIT, basis
@@ -225,13 +226,11 @@ def pack(ends, radius, features, present, doubt, kinds) -> Percept:
 def passes(percept: Percept, z_theta: Paths, dwell: bool = True) -> Passing:
     """Return how each path [m] passes each object; unless `dwell`, only share 0 of clearances, the least one.
 
+    Shares of the path and progress along it are of the parameter for z_theta, of the length for other curves.
+
     Leaves out slots that are empty in every scene.
     """
-    b = basis(np.linspace(0.0, 1.0, PATH_SAMPLES))
-    fixed = torch.from_numpy(b[:, :1] * P_INIT + b[:, 2:] * P_F).to(z_theta)  # (sample, 2)
-    lift = torch.from_numpy(b[:, 1]).to(z_theta)
-    # One coordinate at a time: torch reduces an axis of length 2 several times slower than it adds two tensors.
-    x, y = (c + lift * z[..., None] for c, z in zip(fixed.unbind(-1), z_theta.unbind(-1), strict=True))
+    x, y = _sampled(z_theta)
     occupied = max(1, int(PerceivedObjects.of(percept).present.sum(1).max()))  # detections fill slots from the first
     objects = PerceivedObjects.of(percept[:, :occupied])
     distances, samples = [], []
@@ -249,12 +248,34 @@ def passes(percept: Percept, z_theta: Paths, dwell: bool = True) -> Passing:
         distances.append(nearest)
         samples.append(sample[..., 0])
     clearance = square_root(torch.stack(distances, 2).clamp(min=1e-12)) - objects.radius[:, None, :, None]
-    t = torch.stack(samples, 2).to(z_theta)[..., None] / (PATH_SAMPLES - 1)  # where it passes: (scene, path, near, 1)
-    z, middle = z_theta[:, :, None], ((objects.start + objects.end) / 2)[:, None]
-    start, goal = (torch.from_numpy(p).to(z_theta) for p in (P_INIT, P_F))
-    point = (1 - t).square() * start + 2 * t * (1 - t) * z + t.square() * goal  # (scene, path, near, 2)
-    heading, towards = (1 - t) * (z - start) + t * (goal - z), middle - point
+    sample = torch.stack(samples, 2)  # where it passes: (scene, path, near)
+    t, middle = sample.to(z_theta)[..., None] / (PATH_SAMPLES - 1), ((objects.start + objects.end) / 2)[:, None]
+    if z_theta.ndim == 3:
+        z, start, goal = z_theta[:, :, None], *(torch.from_numpy(p).to(z_theta) for p in (P_INIT, P_F))
+        point = (1 - t).square() * start + 2 * t * (1 - t) * z + t.square() * goal  # (scene, path, near, 2)
+        heading = (1 - t) * (z - start) + t * (goal - z)
+    else:
+        before, here, after = (
+            torch.stack([c.gather(2, (sample + k).clamp(0, PATH_SAMPLES - 1)) for c in (x, y)], -1) for k in (-1, 0, 1)
+        )
+        point, heading = here, after - before
+    towards = middle - point
     lateral = heading[..., 1] * towards[..., 0] - heading[..., 0] * towards[..., 1]
     side = (lateral / square_root(heading.square().sum(-1) + 1e-12) / LATERAL_SCALE_M).tanh()
     progress = 2 * t[..., 0] - 1
     return Passing(clearance, torch.stack([side, progress, progress.square() - 1 / 3], -1))
+
+
+def _sampled(paths: Paths) -> tuple[Float[Tensor, "scene path sample"], Float[Tensor, "scene path sample"]]:
+    """Return x and y of PATH_SAMPLES points on each path.
+
+    One coordinate at a time: torch reduces an axis of length 2 several times slower than it adds two tensors.
+    """
+    if paths.ndim == 4:
+        x, y = resample(paths, PATH_SAMPLES).unbind(-1)
+        return x, y
+    b = basis(np.linspace(0.0, 1.0, PATH_SAMPLES))
+    fixed = torch.from_numpy(b[:, :1] * P_INIT + b[:, 2:] * P_F).to(paths)  # (sample, 2)
+    lift = torch.from_numpy(b[:, 1]).to(paths)
+    x, y = (c + lift * z[..., None] for c, z in zip(fixed.unbind(-1), paths.unbind(-1), strict=True))
+    return x, y

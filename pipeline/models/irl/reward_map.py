@@ -13,6 +13,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from pipeline.models.base import LogOdds, Paths, Pixels, ValidityModel, initialise, to_tensor
+from pipeline.models.curves import resample
 from pipeline.perception.background import subtract_background
 from pipeline.perception.objects import to_bytes
 from pipeline.runtime.roots import square_root
@@ -115,7 +116,7 @@ def contrast(plain: Pixels, whitening: Float[Tensor, "scene 3 3"]) -> Contrasts:
 
 
 def path_points(z_theta: Float[Tensor, "*path 2"]) -> Float[Tensor, "*path samples 2"]:
-    """Return SAMPLES points [m] of each quadratic Bezier path, including both ends."""
+    """Return SAMPLES points [m] of each of the paper's paths, including both ends."""
     b = basis(np.linspace(0.0, 1.0, SAMPLES))
     ends = torch.from_numpy(b[:, :1] * P_INIT + b[:, 2:] * P_F).to(z_theta)  # (samples, 2)
     return ends + torch.from_numpy(b[:, 1:2]).to(z_theta) * z_theta[..., None, :]
@@ -123,7 +124,8 @@ def path_points(z_theta: Float[Tensor, "*path 2"]) -> Float[Tensor, "*path sampl
 
 def path_return(reward: Reward, z_theta: Paths) -> LogOdds:
     """Return the mean reward along each path [m], from bilinear samples of the map (edge values extended outwards)."""
-    grid = (2 * path_points(z_theta) - 1) * torch.tensor([1.0, -1.0]).to(z_theta)  # row 0 is the far edge
+    points = resample(z_theta, SAMPLES) if z_theta.ndim == 4 else path_points(z_theta)
+    grid = (2 * points - 1) * torch.tensor([1.0, -1.0]).to(z_theta)  # row 0 is the far edge
     sampled = F.grid_sample(reward[:, None], grid, padding_mode="border", align_corners=False)
     return sampled.squeeze(1).mean(-1)
 

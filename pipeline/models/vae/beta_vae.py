@@ -9,6 +9,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from pipeline.models.base import Images, LogOdds, Paths, Pixels, ValidityModel, initialise, to_tensor
+from pipeline.models.curves import resample
+from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SIDE
 
 Z_CENTRE, Z_SCALE = 0.5, 0.7  # maps z_theta [m], uniform on [-.2, 1.2], to [-1, 1]
@@ -22,14 +24,16 @@ TAPS = torch.tensor([0.5, 1.0, 0.5])  # of bilinear interpolation between pixels
 class BetaVae(ValidityModel):
     """The architecture of the paper's Figure "arch": encoder q_phi, mirrored decoder p_psi and classifier C_s.
 
-    The encoder reads images minus `centre`, divided by `spread`: buffers that `standardise` sets.
+    The encoder reads images minus `centre`, divided by `spread`: buffers that `standardise` sets. A path has
+    `path_numbers` numbers: the paper's two of z_theta, or the coordinates of so many points evenly along any curve.
     """
 
     centre: Tensor
     spread: Tensor
 
-    def __init__(self, latent: int = 15, channels: Sequence[int] = (16, 8, 4), hidden: int = 64):
+    def __init__(self, latent: int = 15, channels: Sequence[int] = (16, 8, 4), hidden: int = 64, path_numbers: int = 2):
         super().__init__()
+        self.path_numbers = path_numbers
         self.latent, widths, sides = latent, [3, *channels], [SIDE]
         encode: list[nn.Module] = []
         for before, after in pairwise(widths):
@@ -45,7 +49,11 @@ class BetaVae(ValidityModel):
             decode += [nn.ConvTranspose2d(before, after, 3, stride=2, padding=1, output_padding=odd), nn.ReLU()]
         self.decode = nn.Sequential(*decode[:-1], nn.Sigmoid())  # the output is in [0, 1]
         self.classifier = nn.Sequential(
-            nn.Linear(latent + 2, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), nn.Linear(hidden, 1)
+            nn.Linear(latent + path_numbers, hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, 1),
         )
         initialise(self, no_rectifier_after=(self.mean, self.log_variance, self.decode[-2], self.classifier[-1]))
         self._smooth_decoder()
@@ -88,8 +96,18 @@ class BetaVae(ValidityModel):
 
     def logit(self, percept: Float[Tensor, "scene latent"], z_theta: Paths) -> LogOdds:
         """Return the log-odds of validity of each path [m] given z_image."""
-        z_image = percept[:, None].expand(-1, z_theta.shape[1], -1)  # (scene, path, latent)
+        z_theta, z_image = self.numbers(z_theta), percept[:, None].expand(-1, z_theta.shape[1], -1)
         return self.classifier(torch.cat([z_image, (z_theta - Z_CENTRE) / Z_SCALE], dim=-1)).squeeze(-1)
+
+    def numbers(self, paths: Paths) -> Float[Tensor, "scene path number"]:
+        """Return the numbers that the classifier reads of each path; raise InputError for another kind of path."""
+        points = self.path_numbers // 2
+        if paths.ndim == 3 and paths.shape[-1] == self.path_numbers:
+            return paths
+        if paths.ndim == 3 or points == 1:
+            kind = "z_theta, (scene, path, 2)" if points == 1 else "points of curves, (scene, path, point, 2)"
+            raise InputError(f"paths have shape {tuple(paths.shape)}: this model was fitted to {kind}")
+        return resample(paths, points).flatten(2)
 
     @torch.no_grad()
     def reconstruction_over_flat(self, images: Images) -> float:

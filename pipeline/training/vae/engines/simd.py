@@ -170,7 +170,7 @@ class Stack:
         self.decoded = planes  # as log-odds
 
         self.classifier: list[Layer] = []
-        self.demos = rows = allocate(max(n), model.latent + 2)  # z_image, z_theta
+        self.demos = rows = allocate(max(n), model.latent + model.path_numbers)  # z_image, z_theta
         linears = [module for module in model.classifier if isinstance(module, nn.Linear)]
         for module in linears:
             mode, back = PUT if module is linears[-1] else RELU, PUT if rows is self.demos else GATE
@@ -202,7 +202,7 @@ class Stack:
     def gradient(self, images, z_theta, valid, noise) -> Float[Array, "3 lane"]:
         """Return the weighted terms of Eq. 1; leave their gradient in the parameters.
 
-        images: uint8 (scene, 100, 100, 3, lane); z_theta: (scene, row, 2, lane); valid: (scene, row, lane); noise:
+        images: uint8 (scene, 100, 100, 3, lane); z_theta: (scene, row, number, lane); valid: (scene, row, lane); noise:
         (scene, latent, lane).
         """
 

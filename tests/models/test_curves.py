@@ -1,0 +1,73 @@
+"""Any curve: the paper's paths as points are the same paths, and where a polyline's own points lie does not matter."""
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline import library
+from pipeline.models.clearance.clearance import passes
+from pipeline.models.curves import resample
+from pipeline.models.trained import build
+from pipeline.planning.bumps import displacement
+from pipeline.runtime.errors import InputError
+from pipeline.world.bezier import as_controls, bezier, curve, random_z_theta
+from pipeline.world.layout import random_layouts
+from pipeline.world.rules import clearance, line_clearance
+from tests.factories import ITEMS, RULES, percept
+
+RNG = np.random.default_rng(0)
+LAYOUTS = random_layouts(RNG, 4, ITEMS, np.arange(4), RULES)
+Z = random_z_theta(RNG, 4, 30)
+POINTS = bezier(as_controls(Z), 200)
+IMAGES = RNG.integers(0, 255, (4, 100, 100, 3), np.uint8)
+
+
+def test_the_papers_paths_are_bezier_curves_of_degree_2():
+    np.testing.assert_allclose(bezier(as_controls(Z), 33), curve(Z, 33), atol=1e-12)
+
+
+def test_a_line_of_a_zigzag_is_divided_evenly_by_length():
+    zigzag = torch.tensor([[[[0.0, 0], [0.3, 0.4], [0.3, 0.4], [0.3, 1.4]]]])
+    expected = [[0, 0], [0.3, 0.4], [0.3, 0.9], [0.3, 1.4]]
+    np.testing.assert_allclose(resample(zigzag, 4)[0, 0].numpy(), expected, atol=1e-6)
+
+
+def test_clearances_of_a_curve_are_those_of_the_geometry_and_of_z_theta():
+    seen, points = percept(LAYOUTS).float(), torch.from_numpy(POINTS).float()
+    of_curve, of_z = passes(seen, points), passes(seen, torch.from_numpy(Z).float())
+    near, there = of_z.relations.shape[2], LAYOUTS.present[:, None] & (line_clearance(LAYOUTS, POINTS) > 0.02)
+    truth = np.where(there, line_clearance(LAYOUTS, POINTS), 0)[..., :near]
+    found = np.where(there[..., :near], of_curve.clearance[..., 0].numpy(), 0)
+    np.testing.assert_allclose(found, truth, atol=1e-3)
+    np.testing.assert_allclose(truth, np.where(there, clearance(LAYOUTS, Z), 0)[..., :near], atol=1e-3)
+    side = (of_curve.relations[..., 0] - of_z.relations[..., 0]).abs()[of_z.clearance[..., 0].abs() > 0.01]
+    assert side.quantile(0.95) < 0.05  # the nearest point is one of 161
+
+
+@pytest.mark.parametrize("variant", ["clearance", "irl_ranked", "full"])
+def test_every_model_reads_a_curve_whatever_points_it_is_given_by(variant: str):
+    settings = library.SETTINGS[variant]
+    if variant == "full":
+        settings = settings | {"model": settings["model"] | {"path_numbers": 10}}
+    model = build(settings, 0)
+    fine = bezier(as_controls(Z), 800)
+    p, from_fine = model.probability(IMAGES, POINTS), model.probability(IMAGES, fine)
+    np.testing.assert_allclose(p, from_fine, atol=2e-3)
+
+
+def test_a_fitted_model_repairs_curves_between_their_ends_and_says_where_it_cannot(monkeypatch):
+    monkeypatch.setitem(library.TRAINING["clearance"], "steps", 60)
+    valid = line_clearance(LAYOUTS, POINTS).min(-1) > 0.03
+    model = library.fit(IMAGES, POINTS, valid)
+    ends = library.repair(model, IMAGES, POINTS)
+    assert ends.shape == POINTS.shape
+    found = np.isfinite(ends).all((-1, -2))
+    np.testing.assert_allclose(ends[found][:, [0, -1]], POINTS[found][:, [0, -1]], atol=1e-6)
+    with pytest.raises(InputError, match="fitted to z_theta"):
+        build(library.SETTINGS["full"]).probability(IMAGES, POINTS)
+
+
+def test_a_displacement_is_the_mean_distance_of_the_points():
+    offsets = np.zeros((4, 2))
+    assert displacement(offsets) == 0
+    np.testing.assert_allclose(displacement(np.full((6, 2), 0.1), free_ends=True), 0.1 * np.sqrt(2))
