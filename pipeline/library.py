@@ -26,8 +26,9 @@ from pipeline.models.base import ValidityModel, check_images, check_paths
 from pipeline.models.curves import resample
 from pipeline.models.trained import build, read_weights
 from pipeline.perception.objects import Objects
-from pipeline.planning.bumps import POINTS, basis, displacement
-from pipeline.planning.repair import Ascent, Repairs
+from pipeline.planning.bumps import POINTS, basis, nearest
+from pipeline.planning.nearest import by_model
+from pipeline.planning.repair import Ascent
 from pipeline.planning.repair import repair as climb
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
@@ -62,6 +63,9 @@ TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearan
 REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5}  # conf/repair.yaml
 INFORMATIVE_SCENES, INFORMATIVE_CHANGE = 20, 0.01  # see `effect`
 CURVE_POINTS = 5  # points along a curve that the paper's model reads
+CURVE_PENALTY = (
+    0.9  # gain in log P(valid) that a repair requires per metre along a curve [1/m] (conf/studies/curves.yaml)
+)
 ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 to 1
 
 
@@ -174,16 +178,16 @@ def repair(model: ValidityModel, images: Array | Objects, starts: Array) -> Arra
     images, starts: as the images and paths of `fit`. Curves come back with as many points, evenly along them, and keep
     their ends.
 
-    Takes the paper's gradient steps on the model's log-odds and returns the nearest accepted point on the way, that
-    is, one with P(valid) > .8: the start itself, if it is accepted. It can be far from the start. Starts and steps are
-    clipped to [-.2, 1.2] m. A clearance model lowers its confidence in a picture unlike its training ones, and may
-    return NaN there. Raises InputError as `fit`.
+    An accepted path has P(valid) > .8: the start itself, if it is accepted. For z_theta, takes the paper's gradient
+    steps on the model's log-odds and returns the nearest accepted point on the way, which can be far from the start;
+    starts and steps are clipped to [-.2, 1.2] m. For curves, searches among smooth displacements. A clearance model
+    lowers its confidence in a picture unlike its training ones, and may return NaN there. Raises InputError as `fit`.
     """
     _check_model(model)
     _check_scenes(images, starts, name="starts", at_least=1)
-    steps = climb(model, images, np.asarray(starts, dtype=np.float64), Ascent(**REPAIR))
     if starts.ndim == 4:
-        return _nearest_curve(steps, starts)
+        return _nearest_curves(model, images, starts.astype(np.float64))
+    steps = climb(model, images, np.asarray(starts, dtype=np.float64), Ascent(**REPAIR))
     distances = np.linalg.norm(steps.z - steps.z[:, :, :1], axis=-1)  # (scene, path, step)
     nearest = np.where(steps.p > ACCEPTED_ABOVE, distances, np.inf).argmin(-1)[..., None]
     ends = np.take_along_axis(steps.z, nearest[..., None], axis=2)[:, :, 0].astype(np.float64)
@@ -192,14 +196,16 @@ def repair(model: ValidityModel, images: Array | Objects, starts: Array) -> Arra
     return ends
 
 
-def _nearest_curve(steps: Repairs, starts: Array) -> Array:
-    """Return each start at the least displacement that is accepted, with as many points as before."""
-    offsets = steps.z.astype(np.float64)  # (scene, path, step, offset, 2)
-    nearest = np.where(steps.p > ACCEPTED_ABOVE, displacement(offsets), np.inf).argmin(-1)
-    chosen = np.take_along_axis(offsets, nearest[..., None, None, None], axis=2)[:, :, 0]
-    ends = resample(torch.from_numpy(starts.astype(np.float64)), POINTS) + torch.from_numpy(basis() @ chosen)
-    ends = np.where(nearest[..., None, None] == 0, starts, resample(ends, starts.shape[2]).numpy())
-    ends[(steps.p <= ACCEPTED_ABOVE).all(-1)] = np.nan
+def _nearest_curves(model: ValidityModel, images: Array | Objects, starts: Array) -> Array:
+    """Return accepted curves near the starts, by search (`planning.bumps`), with as many points as before."""
+    log_valid, ends = by_model(model, images), starts.copy()
+    even = resample(torch.from_numpy(starts), POINTS).numpy()
+    for scene, path in np.ndindex(*starts.shape[:2]):
+        if log_valid(scene, even[[scene], path])[0] <= np.log(ACCEPTED_ABOVE):
+            offsets, log_p = nearest(log_valid, scene, even[scene, path], CURVE_PENALTY)
+            moved = torch.from_numpy(even[scene, path] + basis() @ offsets)[None, None]
+            accepted = log_p > np.log(ACCEPTED_ABOVE)
+            ends[scene, path] = resample(moved, starts.shape[2])[0, 0] if accepted else np.nan
     return ends
 
 

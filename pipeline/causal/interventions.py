@@ -178,6 +178,4 @@ def bold_or_plain(table: pd.DataFrame) -> str:
     printed = table[(table["source"] == PAPER) & (table["change"] != NONE)]["bold"].astype(bool)
     count, blind, model = len(printed), int((~printed).sum()), cells_as_in_the_paper(table).get("full")
     ours = "" if model is None else f" its model {model} of {count};"
-    return (
-        f"Numbers bold or plain as in the paper:{ours} with none bold, as without the picture, {blind} of {count}."
-    )
+    return f"Numbers bold or plain as in the paper:{ours} with none bold, as without the picture, {blind} of {count}."

@@ -18,9 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
+from scipy.spatial import KDTree
 
 from pipeline.runtime.errors import InputError
-from pipeline.world.bezier import P_F, P_INIT
+from pipeline.world.bezier import P_F, P_INIT, bernstein, bezier
 
 BATCH_ROWS = 256  # trajectories per batch: large arrays that still fit the cache
 PAD_SAMPLES = 32  # lengths are padded to a multiple of this, so that rounding does not depend on the batch
@@ -34,6 +35,9 @@ LENGTH_POINTS = 65  # parameters at which a path's length is summed
 MAX_PARAMETER_STEP = 0.1  # largest parameter step; near a turning point a longer step would leave the branch
 BRANCH_STARTS = (0.0, 0.5, 1.0)  # parameters from which the nearest point is searched again
 BRANCH_STEPS = 6  # Newton steps from each start
+FOOT_POINTS, WINDOW = 513, 48  # of `fit_any`: points on the curve, and how far along it a sample moves in a round
+FINE_POINTS = 4097  # of `fit_any`: on the curve from which the residual is measured
+ROUNDS = 12  # of `fit_any`: residuals hardly fall any further
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,28 @@ def fit(
         x, y = (points[index, i] - ends[0][rows, i, None] for i in (0, 1))
         z[rows], residual[rows] = _Batch(x, y, weight, (ends[1] - ends[0])[rows]).solve()
     return Fits(z + ends[0], residual, residual > poor_above_m)
+
+
+def fit_any(
+    points: Float[Array, "sample 2"], degree: int
+) -> tuple[Float[Array, "control 2"], Float[Array, " sample"], float]:
+    """Fit a Bezier path of any degree and ends to one trajectory [m], in time order.
+
+    Returns its control points [m], each sample's parameter, and the root mean square distance [m]. Least squares at
+    fixed parameters and the nearest points on the fitted path take turns; samples start at their share of the length.
+    Raises InputError for fewer samples than control points.
+    """
+    if len(points) <= degree:
+        raise InputError(f"a trajectory has {len(points)} points: expected at least {degree + 1} for degree {degree}")
+    u = _shares(np.hypot(*np.diff(points, axis=0).T)[None])[0]
+    offsets = np.arange(-WINDOW, WINDOW + 1)
+    for _ in range(ROUNDS):
+        controls = np.linalg.lstsq(bernstein(u, degree), points, rcond=None)[0]
+        near = np.clip(np.rint(u * (FOOT_POINTS - 1)).astype(int)[:, None] + offsets, 0, FOOT_POINTS - 1)
+        away = np.linalg.norm(bezier(controls, FOOT_POINTS)[near] - points[:, None], axis=-1)
+        u = np.take_along_axis(near, away.argmin(1)[:, None], 1)[:, 0] / (FOOT_POINTS - 1)
+    away = KDTree(bezier(controls, FINE_POINTS)).query(points)[0]
+    return controls, u, float(np.sqrt((away**2).mean()))
 
 
 class _Batch:
