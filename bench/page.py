@@ -33,6 +33,10 @@ AIMS = {  # name of the figure -> (description, aim)
     ),
     "repair_ms": ("one repair of 1,000 searched at once, objects known [ms]", "at most 2"),
     "repair_ms_perceived": ("the same with detecting the objects in 100 images [ms]", ""),
+    "curve_over_parabola": (
+        "1,000 polylines of 200 points judged: times 1,000 parabolas",
+        "at most 1.5",
+    ),
     "repair_speedup_one_by_one": ("1,000 at once: times one start at a time", ""),
     "detect_ms": ("detecting the objects in one image [ms]", ""),
     "scenes_per_second": ("scenes rendered a second", ""),

@@ -1,10 +1,13 @@
 """Time fitting a clearance model and a thousand repairs by it: all starts of a scene at once, and one at a time."""
 
 import time
+import timeit
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from pipeline.models.base import untrained
 from pipeline.models.clearance.clearance import ClearanceModel
@@ -12,13 +15,14 @@ from pipeline.params import compose
 from pipeline.planning.nearest import by_model, nearest
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Schedule
-from pipeline.world.bezier import random_z_theta
+from pipeline.world.bezier import as_controls, bezier, random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
 
 TRAINING, SCENES, STARTS, ALONE = 20, 100, 10, 20  # scenes; scenes and starts per scene; starts one at a time
+POINTS = 200  # of a path that is given as a polyline
 
 
 @pytest.mark.benchmark(group="repair")
@@ -46,11 +50,16 @@ def test_a_thousand_repairs(benchmark):
     for i in range(ALONE):
         nearest(log_valid, scenes[i : i + 1], starts[i : i + 1], *settings)
     alone = (time.perf_counter() - begin) / ALONE
+    z, percept = random_z_theta(rng, SCENES, STARTS), model.see(images[TRAINING:])
+    kinds = [torch.from_numpy(x).float() for x in (z, bezier(as_controls(z), POINTS))]
+    with torch.no_grad():
+        parabolas, curves = (min(timeit.repeat(partial(model.logit, percept, x), number=1, repeat=9)) for x in kinds)
     together = benchmark.stats.stats.min / len(starts)
     benchmark.extra_info["results"] = {
         "train_seconds_clearance": fitted,
         "repair_ms": 1e3 * together,
         "repair_ms_perceived": 1e3 * (together + perceived / len(starts)),
         "repair_speedup_one_by_one": alone / together,
+        "curve_over_parabola": curves / parabolas,
         "detect_ms": 1e3 * perceived / SCENES,
     }

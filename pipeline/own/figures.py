@@ -4,7 +4,6 @@ Names that people chose stand in captions, which every browser can write. In a f
 the letters.
 """
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,12 +14,14 @@ from pipeline.own.folder import Folder
 from pipeline.own.frame import outline
 from pipeline.own.results import Results
 from pipeline.report import style
-from pipeline.report.drawing import draw_path, draw_table, panels
+from pipeline.report.drawing import draw_table, panels
+from pipeline.world.bezier import bezier
 from pipeline.world.layout import SIDE
 
 FIRST_SCENES, SHEET_COLUMNS = 12, 6  # of the contact sheet
 DRAWN_REPAIRS = 4  # for each user
 PHOTOGRAPH_PX = 240  # side of a photograph on which paths are drawn
+WITHIN = -0.05, 1.05  # what panels with paths show [m of the model]
 LISTED_REPAIRS, LISTED_SCENES = 12, 5  # rows of tables for each user; the csv files hold all
 
 
@@ -79,8 +80,15 @@ def repairs(results: Results) -> Figure:
             panel.set_axis_off()
         for number, (panel, row) in enumerate(zip(line, rows.itertuples(), strict=False)):
             draw_table(panel, results.folder.frame.image(results.folder.canvases[row.scene], PHOTOGRAPH_PX))
-            draw_path(panel, np.array([row.z_x, row.z_y]), style.START, linestyle="--")
-            draw_path(panel, np.array([row.end_x, row.end_y]), style.VALID)
+            demos, frame = results.folder.demos, results.folder.frame
+            demo = demos[(demos["user"] == user) & (demos["scene"] == row.scene) & (demos["demo"] == row.demo)]
+            end = frame.to_model(results.repaired_paths(user, row.scene)[row.demo])
+            for points, colour, line in (
+                (bezier(results.folder.controls(demo)[0], len(end)), style.START, "--"),
+                (end, style.VALID, "-"),
+            ):
+                panel.plot(*points.T, color=colour, linestyle=line, linewidth=2)
+            panel.set(xlim=WITHIN, ylim=WITHIN)
             panel.set_title(f"{results.title(user)}, {number + 1}: {row.p_before:.2f} to {row.p_after:.2f}")
     return figure
 

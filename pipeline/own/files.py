@@ -37,19 +37,17 @@ WORDS = {*KEY, "kind", "file", "valid"}  # columns that hold names, or a word; t
 ENDINGS = (".jpg", ".jpeg", ".png")
 UNREAD = (".bmp", ".dng", ".gif", ".heic", ".heif", ".tif", ".tiff", ".webp")  # of pictures that are not read
 MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
-SQUARE_WITHIN = 0.02  # a picture of just the table is square within this share
+SHAPE_WITHIN = 0.02  # a picture of just the table has the table's shape within this share
 DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
 _one_decoder = Lock()  # as it takes descriptor 2
 
-KNOWN = ("side_m", "corners", "rectified", "start", "goal")
-MIN_APART = 0.2  # smallest distance from start to goal, relative to the table's side
+KNOWN = ("size_m", "corners", "rectified")
 MIN_TABLE_PX = 50  # shortest side of the table in a picture
 SIDES_M = (0.1, 10.0)  # side of a table [m]
-ENDS = {"start": 0.08, "goal": 0.92}  # x and y, the paper's, relative to the table's side
 ORDER = "far left, far right, near right, near left"
 Pair = tuple[FiniteFloat, FiniteFloat]
-METRES = TypeAdapter(Annotated[FiniteFloat, Field(ge=SIDES_M[0], le=SIDES_M[1])])
-PLACE, CORNERS = TypeAdapter(Pair), TypeAdapter(tuple[Pair, Pair, Pair, Pair])
+Side = Annotated[FiniteFloat, Field(ge=SIDES_M[0], le=SIDES_M[1])]
+SIZE, CORNERS = TypeAdapter(Side | tuple[Side, Side]), TypeAdapter(tuple[Pair, Pair, Pair, Pair])
 
 
 class Faults(list[str]):
@@ -172,9 +170,10 @@ def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
     return scenes
 
 
-def is_square(width: int, height: int) -> bool:
-    """Return whether a picture may show just the table."""
-    return abs(width - height) <= SQUARE_WITHIN * max(width, height)
+def has_shape(width: int, height: int, size_m: Array) -> bool:
+    """Return whether a picture may show just a table of this width and depth [m]."""
+    across, along = width * size_m[1], height * size_m[0]
+    return bool(abs(across - along) <= SHAPE_WITHIN * max(across, along))
 
 
 def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
@@ -232,11 +231,9 @@ def _decoded(path: Path, name: str, flag: int) -> Array:
 class Settings:
     """Hold what table.yaml says."""
 
-    side_m: float
+    size_m: Array  # (2,), width and depth of the table
     corners: Array | dict[str, Array] | None  # (4, 2) [px], of all scenes or by scene
     rectified: bool  # pictures show just the table
-    start: Array  # (2,) [m]
-    goal: Array
 
     def corners_of(self, scene: str) -> Array | None:
         """Return the corners (4, 2) [column, row] of the table in a scene's picture; None: the whole picture."""
@@ -259,21 +256,14 @@ def check_settings(content: Any) -> Settings:
     if not isinstance(content, dict) or set(content) - set(KNOWN):
         names = ", ".join(map(repr, content)) if isinstance(content, dict) else type(content).__name__
         raise InputError(f"{SETTINGS} holds {names}: expected some of {', '.join(KNOWN)}")
-    faults, ends, corners = list[str](), list[Array](), content.get("corners")
-    side = _parsed(METRES, value := content.get("side_m", 1.0))
-    if side is None:
-        raise InputError(f"{SETTINGS}: side_m is {value!r}: expected metres from {SIDES_M[0]} to {SIDES_M[1]:g}")
+    faults, corners = list[str](), content.get("corners")
+    size = _parsed(SIZE, value := content.get("size_m", 1.0))
+    if size is None:
+        expected = f"one side or [width, depth] in metres, from {SIDES_M[0]} to {SIDES_M[1]:g}"
+        raise InputError(f"{SETTINGS}: size_m is {value!r}: expected {expected}")
     rectified = _parsed(TypeAdapter(bool), value := content.get("rectified", "corners" not in content))
     if rectified is None:
         faults.append(f"rectified is {value!r}: expected true or false")
-    for name, share in ENDS.items():
-        place = _parsed(PLACE, value := content.get(name, [share * side] * 2))
-        if place is None or (place < 0).any() or (place > side).any():
-            faults.append(f"{name} is {value!r}: expected [x, y] in metres on the table, 0 to {side:g}")
-        else:
-            ends.append(place)
-    if len(ends) == 2 and np.linalg.norm(ends[1] - ends[0]) < MIN_APART * side:
-        faults.append(f"start and goal are closer than {MIN_APART * side:g} m: expected two places")
     if isinstance(corners, dict):
         corners = {normal(scene): _corners(value, f"corners of {scene}", faults) for scene, value in corners.items()}
     elif corners is not None:
@@ -282,7 +272,7 @@ def check_settings(content: Any) -> Settings:
         faults.append("both corners and `rectified: true` are given, and they exclude each other: remove one of them")
     if faults:
         raise InputError("\n".join(f"{SETTINGS}: {fault}" for fault in faults))
-    return Settings(float(side), corners, bool(rectified), *ends)
+    return Settings(np.broadcast_to(size, 2), corners, bool(rectified))
 
 
 def _parsed(kind: TypeAdapter, value: Any) -> Array | None:

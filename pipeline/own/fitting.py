@@ -13,27 +13,29 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
+from scipy.spatial.distance import cdist
 from scipy.stats import beta, binomtest
 
 from pipeline import library
 from pipeline.models.base import ValidityModel
-from pipeline.models.baselines import nearest_demonstration, position_only
+from pipeline.models.clearance.clearance import PATH_SAMPLES
 from pipeline.own.folder import Folder
 from pipeline.perception.objects import Objects
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.crossed import estimate, ratio
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
-from pipeline.world.bezier import lattice
+from pipeline.world.bezier import bezier
 
 VARIANT = "clearance"
 FOLDS = 5
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of a fold's training scenes: the learning curve, and the cross-validation itself
-PRIOR_SIDE = 28  # points per side of the position-only baseline's lattice, as scenes.prior_side in conf/scenes.yaml
-PRIOR_WIDTH_M = 0.15  # standard deviation of the kernel that smooths labels over z_theta [m]; ours
+COMPARED_POINTS = 33  # of each of two curves, at the same parameters
+PRIOR_WIDTH_M = 0.055  # standard deviation of the kernel that smooths labels over curves, 15 cm of z_theta; ours
 BINS = 5  # of the calibration; twenty scenes have some 150 demonstrations
 FLAT = 0.05  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
 FEW_CHANGES = 20  # changed decisions below which the interval follows from their number, as in library.effect
-LATTICE_SIDE = 14  # points per side of the lattice of paths on which models are compared
+REPAIRED_POINTS = 65  # of a repaired path
+COMPARED_PATHS = 196  # demonstrations of other scenes, at most, on which models are compared in each scene
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,15 @@ class UserData:
     user: str
     scenes: list[str]
     objects: Objects
-    z_theta: Float[Array, "scene n 2"]  # [m of the model]
+    controls: Float[Array, "scene n control 2"]  # [m of the model]
     valid: Bool[Array, "scene n"]
     real: Bool[Array, "scene n"]
     demo: Array  # names (scene, n)
+
+    @property
+    def paths(self) -> Float[Array, "scene n point 2"]:
+        """Return points along each demonstrated path [m of the model]."""
+        return bezier(self.controls, PATH_SAMPLES)
 
     @classmethod
     def of(cls, user: str, folder: Folder) -> "UserData":
@@ -62,7 +69,7 @@ class UserData:
             user,
             list(rows),
             folder.seen.objects[[folder.scenes.index(scene) for scene in rows]],
-            demos[["z_x", "z_y"]].to_numpy()[index],
+            folder.controls(demos)[index],
             demos["valid"].to_numpy(bool)[index],
             np.arange(counts.max()) < counts[:, None],
             demos["demo"].to_numpy(object)[index],
@@ -88,23 +95,20 @@ def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
     """Fit one user's models and image-blind baselines."""
     fold = stream("own", data.user, "folds").permutation(np.arange(len(data.scenes)) % min(FOLDS, len(data.scenes)))
     predictors = [*((VARIANT, share) for share in SHARES), ("nearest_demonstration", 1.0), ("position_only", 1.0)]
-    p, models = {key: np.empty(data.valid.shape) for key in predictors}, []
+    p, models, paths = {key: np.empty(data.valid.shape) for key in predictors}, [], data.paths
     for k in range(fold.max() + 1):
         progress(f"{data.user}: scenes of fold {k + 1} left out")
         test, training = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
         order = stream("own", data.user, "share", k).permutation(training)
         for share in SHARES:
             model = fit_on(data, np.sort(order[: max(2, round(share * len(order)))]))
-            p[VARIANT, share][test] = model.probability(data.objects[test], data.z_theta[test])
+            p[VARIANT, share][test] = model.probability(data.objects[test], paths[test])
         models.append(model)
-        real, queries = data.real[training], data.z_theta[test]
-        z, valid = data.z_theta[training][real], data.valid[training][real]
-        each_z, each_valid = (np.broadcast_to(labelled, (len(test), *labelled.shape)) for labelled in (z, valid))
-        p["nearest_demonstration", 1.0][test] = nearest_demonstration(each_z, each_valid, queries)
-        square = ((lattice(PRIOR_SIDE)[:, None] - z) ** 2).sum(-1)
-        weight = np.exp(-square / (2 * PRIOR_WIDTH_M**2)) + 1e-12
-        prior = (weight @ valid / weight.sum(1)).reshape(PRIOR_SIDE, PRIOR_SIDE)  # [y, x], smoothed labels
-        p["position_only", 1.0][test] = position_only(prior, queries)
+        valid = data.valid[training][data.real[training]]
+        away = apart(data.controls[test], data.controls[training][data.real[training]])
+        p["nearest_demonstration", 1.0][test] = valid[away.argmin(-1)]
+        weight = np.exp(-(away**2) / (2 * PRIOR_WIDTH_M**2)) + 1e-12
+        p["position_only", 1.0][test] = weight @ valid / weight.sum(-1)
     progress(f"{data.user}: all scenes")
     whole, real = fit_on(data, np.arange(len(data.scenes))), data.real
     labels = {"scene": np.repeat(data.scenes, real.sum(1)), "demo": data.demo[real], "valid": data.valid[real]}
@@ -115,15 +119,26 @@ def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
     return Fitted(data, whole, fold, models, pd.concat(judged, ignore_index=True))
 
 
+def apart(
+    controls: Float[Array, "*path control 2"], others: Float[Array, "other control 2"]
+) -> Float[Array, "*path other"]:
+    """Return the root mean square distance [m] of curves from other curves, at the same parameters."""
+    first, second = (
+        bezier(c, COMPARED_POINTS).reshape(-1, 2 * COMPARED_POINTS) / np.sqrt(COMPARED_POINTS)
+        for c in (controls, others)
+    )
+    return cdist(first, second).reshape(*controls.shape[:-2], -1)
+
+
 def fit_on(data: UserData, scenes: Int[Array, " scene"]) -> ValidityModel:
     """Return the model of some of a user's scenes; its seed follows from all that decides it."""
-    objects, z_theta, valid = data.objects[scenes], data.z_theta[scenes], data.valid[scenes]
-    arrays = *vars(objects).values(), z_theta, valid
+    objects, paths, valid = data.objects[scenes], data.paths[scenes], data.valid[scenes]
+    arrays = *vars(objects).values(), paths, valid
     settings = json.dumps([library.SETTINGS[VARIANT], library.TRAINING[library.SETTINGS[VARIANT]["kind"]]])
     digest = hashlib.sha256(settings.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a few scenes may all be valid: the model then answers one probability
-        return library.fit(objects, z_theta, valid, variant=VARIANT, seed=job_seed("own", digest))
+        return library.fit(objects, paths, valid, variant=VARIANT, seed=job_seed("own", digest))
 
 
 def scores(judged: pd.DataFrame) -> pd.DataFrame:
@@ -215,34 +230,40 @@ def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
 def disagreement(fitted: Fitted, folder: Folder) -> pd.DataFrame:
     """Return one row for each picture, most disagreement first.
 
-    disagreement: standard deviation of P(valid) over the models, averaged over a lattice of paths; shown: whether the
-    user has demonstrations there. Scenes without any come first, as only they are new to all models.
+    disagreement: standard deviation of P(valid) over the models, averaged over paths that somebody demonstrated in
+    any scene; shown: whether the user has demonstrations there. Scenes without any come first, as only they are new to
+    all models.
     """
-    paths = np.broadcast_to(lattice(LATTICE_SIDE), (len(folder.scenes), LATTICE_SIDE**2, 2))
+    shown = bezier(folder.controls(), PATH_SAMPLES)
+    some = shown[np.linspace(0, len(shown) - 1, min(COMPARED_PATHS, len(shown))).astype(int)]
+    paths = np.broadcast_to(some, (len(folder.scenes), *some.shape)).copy()
     apart = np.stack([model.probability(folder.seen.objects, paths) for model in fitted.fold_models]).std(0).mean(1)
     table = pd.DataFrame({"user": fitted.data.user, "scene": folder.scenes, "disagreement": apart.astype(float)})
     table["shown"] = table["scene"].isin(fitted.data.scenes)
     return table.sort_values(["shown", "disagreement"], ascending=[True, False], ignore_index=True)
 
 
-def repairs(fitted: Fitted, scale: float) -> pd.DataFrame:
-    """Return one row for each invalid demonstration: P(valid) before and after, and how far the path's middle moves.
+def repairs(fitted: Fitted, folder: Folder) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return one row for each invalid demonstration, and the points of those that are repaired.
 
-    moved_m: [m on the table]; z and end: control points before and after [m of the model]; NaN where the model finds no
-    path that it accepts. A path that the model accepts already (p_before > .8) stays: there the model is wrong.
+    First table: P(valid) before and after, and moved_m, the mean distance along the path [m on the table]; NaN where
+    the model finds no path that it accepts. A path that the model accepts already (p_before > .8) stays: there the
+    model is wrong. Second table: point, x, y [m on the table], REPAIRED_POINTS for each repaired path.
     """
-    data, rows = fitted.data, []
+    data, rows, points = fitted.data, [], []
     for scene, name in enumerate(data.scenes):
         wrong = np.flatnonzero(~data.valid[scene] & data.real[scene])
         if not len(wrong):
             continue
-        model, seen, starts = fitted.unseeing(scene), data.objects[[scene]], data.z_theta[[scene]][:, wrong]
+        model, seen = fitted.unseeing(scene), data.objects[[scene]]
+        starts = bezier(data.controls[[scene]][:, wrong], REPAIRED_POINTS)
         ends, p_before = library.repair(model, seen, starts), model.probability(seen, starts)[0]
-        ends[0, p_before > library.ACCEPTED_ABOVE] = starts[0, p_before > library.ACCEPTED_ABOVE]  # not even clipped
-        p_after = model.probability(seen, np.nan_to_num(ends))[0]
-        moved = np.linalg.norm(ends - starts, axis=-1)[0] / 2 / scale  # a parabola's middle moves half as far
-        p_after = np.where(np.isfinite(moved), p_after, np.nan)
-        numbers = np.column_stack([p_before, p_after, moved, starts[0], ends[0]])
-        rows += [(data.user, name, demo, *row) for demo, row in zip(data.demo[scene, wrong], numbers, strict=True)]
-    columns = ["user", "scene", "demo", "p_before", "p_after", "moved_m", "z_x", "z_y", "end_x", "end_y"]
-    return pd.DataFrame(rows, columns=columns)
+        found = np.isfinite(ends[0]).all((1, 2))
+        p_after = np.where(found, model.probability(seen, np.where(found[:, None, None], ends, starts))[0], np.nan)
+        moved = np.linalg.norm(ends - starts, axis=-1).mean(-1)[0] / folder.frame.scale
+        numbers = zip(data.demo[scene, wrong], p_before, p_after, moved, strict=True)
+        rows += [(data.user, name, *row) for row in numbers]
+        for demo, path in zip(data.demo[scene, wrong][found], folder.frame.to_table(ends[0, found]), strict=True):
+            points += [(data.user, name, demo, i, *point) for i, point in enumerate(path)]
+    table = pd.DataFrame(rows, columns=["user", "scene", "demo", "p_before", "p_after", "moved_m"])
+    return table, pd.DataFrame(points, columns=["user", "scene", "demo", "point", "x", "y"])

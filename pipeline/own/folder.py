@@ -1,6 +1,7 @@
 """Read and check a person's folder (docs/own-tables.md): every fault becomes a sentence before anything runs."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,23 +13,26 @@ from numpy import ndarray as Array
 from scipy.spatial import KDTree
 
 from pipeline.models.base import Z_RANGE_M
+from pipeline.models.clearance.clearance import PATH_SAMPLES
 from pipeline.own import files
 from pipeline.own.demonstrations import read_samples
-from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCENES, SETTINGS, Faults, normal
+from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCENES, SETTINGS, Faults, Settings, normal
 from pipeline.own.frame import Frame, outline, rectify
 from pipeline.own.items import COCO, MASKS, Told, Views, read_items
 from pipeline.own.seen import ALONE, EMPTY, STACK, Seen, look
 from pipeline.perception.empty import Empty, empty_table
 from pipeline.runtime.errors import InputError
-from pipeline.world.bezier import P_F, P_INIT, curve
-from pipeline.world.bezier_fit import fit
+from pipeline.world.bezier import bernstein, bezier, elevated
+from pipeline.world.bezier_fit import fit_any
 from pipeline.world.layout import SIDE
 
 SHEET = "check.png"  # every picture with the outlines of what is seen
 SIZES_PX = 6, 45  # of a typical item, where the detector is at its best [hundredths of the table's side]
-POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a parabola that misses the hand by more is a poor fit
-MAX_NOISE_GAIN = 2.0  # of a fit; demonstrations of 12 samples evenly along a path have some 0.4
-FOOT_POINTS, WEAKEST = 257, 1e-6  # on a path; information of a control point that no sample determines
+DEGREES = (2, 3, 4, 5)  # of the curves that are fitted; one for the whole folder
+TRIED, BLOCKS = 40, 10  # demonstrations that choose the degree; parts of each, every other of which is left out
+POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a curve that misses the hand by more is a poor fit
+MAX_NOISE_GAIN = 2.0  # of a fit; demonstrations of 12 samples evenly along a parabola have some 0.6
+ALONG_POINTS, WEAKEST = 257, 1e-6  # on a path; information of a control point that no sample determines
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,7 @@ class Folder:
     frame: Frame
     canvases: dict[str, UInt8[Array, "side side 3"]]  # rectified tables by scene
     demos: pd.DataFrame  # a row for each demonstration (`fit_demonstrations`)
+    degrees: pd.DataFrame  # how closely curves of each degree follow what was left out (`choose_degree`)
     empty: UInt8[Array, "side side 3"] | None  # the rectified empty table, photographed
     one_camera: bool  # all pictures show the same table from the same place, as far as table.yaml tells
     told: dict[str, list[Told]]  # items that somebody outlined, by scene
@@ -70,6 +75,12 @@ class Folder:
         empty = None if table is None else self.frame.image(table)
         return look(self.images, self.frame, told, empty, ALONE if empty is None else way)
 
+    def controls(self, demos: pd.DataFrame | None = None) -> Float[Array, "demo control 2"]:
+        """Return the control points [m of the model] of demonstrations, of all unless some are given."""
+        demos = self.demos if demos is None else demos
+        degree = int(self.degrees.loc[self.degrees["chosen"], "degree"].iloc[0])
+        return demos[control_columns(degree)].to_numpy().reshape(len(demos), degree + 1, 2)
+
     @property
     def users(self) -> list[str]:
         """Return the users in the order of their names."""
@@ -83,11 +94,11 @@ class Folder:
             notes.append(f"{len(unlabelled)} scenes have no demonstration: the report says which to show next")
         if not self.cutouts:
             notes.append(f"no {KINDS}/ with cut-outs: the report cannot ask what users react to")
-        more = demos[demos["needs_more"]]
-        if len(more):
+        poor = demos[demos["poor"]]
+        if len(poor):
             notes.append(
-                f"{len(more)} of {len(demos)} demonstrations need more than one control point, the first "
-                f"({', '.join(more[KEY].iloc[0])}): they are fitted less closely"
+                f"{len(poor)} of {len(demos)} demonstrations are followed less closely than {POOR_ABOVE_M:g} of the "
+                f"table's side, the first ({', '.join(poor[KEY].iloc[0])})"
             )
         return notes
 
@@ -162,7 +173,7 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
         corners = settings.corners_of(scene)
         if corners is None and not settings.rectified:
             faults.append(f"{SETTINGS}: no corners of {scene}: add them, as for the other scenes")
-        elif (read := _read_canvas(file, f"{SCENES}/{file.name}", corners, faults)) is not None:
+        elif (read := _read_canvas(file, f"{SCENES}/{file.name}", corners, settings, faults)) is not None:
             canvases[scene], sizes[scene] = read
     told = read_items(path, Views(sizes, settings), faults) if len(sizes) == len(scenes) else {}
     bare, named = None, [f for f in files.listed(path, *ENDINGS, *files.UNREAD) if f.stem.lower() == "empty"]
@@ -171,56 +182,100 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
     elif named and by_scene:
         faults.append(f"{named[0].name} needs a fixed camera, and corners differ by scene: remove one of them")
     elif named:
-        bare = _read_canvas(named[0], named[0].name, settings.corners_of(""), faults)
+        bare = _read_canvas(named[0], named[0].name, settings.corners_of(""), settings, faults)
     if faults or samples is None:
         return None, faults
-    frame = Frame.between(settings.side_m, settings.start, settings.goal)
-    demos = fit_demonstrations(samples, frame, faults)
+    frame = Frame((float(settings.size_m[0]), float(settings.size_m[1])))
+    demos, degrees = fit_demonstrations(samples, frame, faults)
     if faults:
         return None, faults
     empty = None if bare is None else bare[0]
-    return Folder(path, frame, canvases, demos, empty, not by_scene, told, cutouts), faults
+    return Folder(path, frame, canvases, demos, degrees, empty, not by_scene, told, cutouts), faults
 
 
-def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> pd.DataFrame:
-    """Return one row for each demonstration of `read_samples`, sorted by scene, user and demo.
+def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return one row for each demonstration of `read_samples`, sorted by scene, user and demo, and `choose_degree`.
 
-    Columns: scene, user, demo, valid, z_x, z_y (control point of the parabola [m of the model]), residual_m (root mean
-    square distance from the path, metres on the table), needs_more and `noise_gain`. Adds a fault for paths out of the
-    models' range, and for those that their samples do not determine.
+    Columns: scene, user, demo, valid, c0_x, c0_y, c1_x, ... (control points of a Bezier curve [m of the model]),
+    residual_m (root mean square distance from the curve, metres on the table), poor and `noise_gain`. Adds a fault for
+    paths out of the models' range, and for those that their samples do not determine.
     """
     offsets = np.append(np.flatnonzero(~samples.duplicated(KEY)), len(samples))
-    points = frame.to_model(samples[["x", "y"]].to_numpy())
-    fits = fit(points, offsets, poor_above_m=POOR_ABOVE_M)
-    gains = list(map(noise_gain, np.split(points, offsets[1:-1]), fits.z_theta))
-    demos = samples.iloc[offsets[:-1]].assign(noise_gain=gains)
-    far = demos[(np.abs(fits.z_theta - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=1)]
+    hands = np.split(frame.to_model(samples[["x", "y"]].to_numpy()), offsets[1:-1])
+    degrees = choose_degree(hands, frame.scale)
+    degree = int(degrees.loc[degrees["chosen"], "degree"].iloc[0])
+    rows, controls = [], []
+    for points in hands:
+        own, u, residual = fit_any(points, min(degree, len(points) - 2))
+        rows.append((noise_gain(own, u), residual / frame.scale, residual > POOR_ABOVE_M))
+        controls.append(elevated(own, degree))
+    demos = samples.iloc[offsets[:-1]].copy()
+    demos[["noise_gain", "residual_m", "poor"]] = rows
+    curves = bezier(np.stack(controls), PATH_SAMPLES)
+    far = demos[(np.abs(curves - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=(1, 2))]
     beyond = "demonstration ({name}) swings out farther than the models' paths can: leave it out"
     faults.rows(DEMONSTRATIONS, far, beyond)
     loose = "demonstration ({name}) does not determine its path: expected more samples between its ends"
     faults.rows(DEMONSTRATIONS, demos[demos["noise_gain"] > MAX_NOISE_GAIN], loose)
-    demos = demos[[*KEY, "valid", "noise_gain"]].reset_index(drop=True)
-    demos[["z_x", "z_y"]] = fits.z_theta
-    return demos.assign(residual_m=fits.residual_m / frame.scale, needs_more=fits.poor)
+    demos = demos[[*KEY, "valid", "residual_m", "poor", "noise_gain"]].reset_index(drop=True)
+    demos["poor"] = demos["poor"].astype(bool)
+    demos[control_columns(degree)] = np.reshape(controls, (len(demos), -1))
+    return demos, degrees
 
 
-def noise_gain(points: Float[Array, "sample 2"], z_theta: Float[Array, "2"]) -> float:
+def control_columns(degree: int) -> list[str]:
+    """Return the columns of control points, x and y of each in turn."""
+    return [f"c{k}_{axis}" for k in range(degree + 1) for axis in "xy"]
+
+
+def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.DataFrame:
+    """Return how far curves of each degree pass from the parts of a hand's path that they were not fitted to.
+
+    Columns: degree, demonstrations, left_out_m (root mean square distance, averaged over demonstrations), error (its
+    standard error; both in metres on the table) and chosen: the lowest degree within one standard error of the best.
+    Each path is cut into BLOCKS parts, of which every other one is left out, in turn. Without paths of enough samples
+    the lowest degree is chosen.
+    """
+    long = [points for points in hands if len(points) >= 2 * (max(DEGREES) + 2)]
+    tried = [long[i] for i in np.linspace(0, len(long) - 1, min(TRIED, len(long))).astype(int)]
+    away = np.array([[_left_out(points, degree) for degree in DEGREES] for points in tried]).reshape(-1, len(DEGREES))
+    table = pd.DataFrame({"degree": DEGREES, "demonstrations": len(tried)})
+    if len(tried) < 2:
+        return table.assign(left_out_m=np.nan, error=np.nan, chosen=table.index == 0)
+    mean, best = away.mean(0), int(away.mean(0).argmin())
+    error = (away - away[:, [best]]).std(0, ddof=1) / np.sqrt(len(tried))  # of the difference from the best
+    chosen = int((mean <= mean[best] + error).argmax())
+    return table.assign(left_out_m=mean / scale, error=error / scale, chosen=table.index == chosen)
+
+
+def _left_out(points: Float[Array, "sample 2"], degree: int) -> float:
+    """Return the root mean square distance [m] of the parts of a path that a curve was not fitted to."""
+    odd, square = (np.arange(len(points)) * BLOCKS // len(points)) % 2 == 1, []
+    for fitted in (odd, ~odd):
+        controls = fit_any(points[fitted], degree)[0]
+        square.append(KDTree(bezier(controls, ALONG_POINTS)).query(points[~fitted])[0] ** 2)
+    return float(np.sqrt(np.concatenate(square).mean()))
+
+
+def noise_gain(controls: Float[Array, "control 2"], u: Float[Array, " sample"]) -> float:
     """Return a fitted path's standard deviation, the median along it, per unit of noise in each sample.
 
-    The control point's information is the sum over samples of e e^T, with e = 2 u (1 - u) n the change of the
-    orthogonal distance at the fitted parameter u. The gain counts changes across the path alone: the control point of a
-    straight one may slide along it. The median leaves out the tip of a folded path, where no hand is precise.
+    The control points' information is the sum over samples of e e^T, with e the change of the orthogonal distance at
+    the sample's parameter u. The gain counts changes across the path alone: along it control points may slide. The
+    median leaves out the tip of a folded path, where no hand is precise.
     """
-    u = np.linspace(0, 1, FOOT_POINTS)[:, None]
-    along = (1 - u) * (z_theta - P_INIT) + u * (P_F - z_theta)
+    t, degree = np.linspace(0, 1, ALONG_POINTS), len(controls) - 1
+    along = bernstein(t, degree - 1) @ np.diff(controls, axis=0)
     across = along[:, ::-1] * [-1, 1] / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-    change = 2 * u * (1 - u) * across  # e (u, 2)
-    at_samples = change[KDTree(curve(z_theta, FOOT_POINTS)).query(points)[1]]
-    covariance = np.linalg.inv(at_samples.T @ at_samples + WEAKEST * np.eye(2))
+    change = (bernstein(t, degree)[:, :, None] * across[:, None]).reshape(len(t), -1)
+    at_samples = change[np.rint(u * (ALONG_POINTS - 1)).astype(int)]
+    covariance = np.linalg.inv(at_samples.T @ at_samples + WEAKEST * np.eye(change.shape[1]))
     return float(np.sqrt(np.median((change @ covariance * change).sum(1))))
 
 
-def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -> tuple[Array, tuple[int, int]] | None:
+def _read_canvas(
+    file: Path, name: str, corners: Array | None, settings: Settings, faults: Faults
+) -> tuple[Array, tuple[int, int]] | None:
     """Return a rectified picture with the width and height of the original, or None after a fault."""
     try:
         picture = files.read_picture(file, name)
@@ -229,12 +284,13 @@ def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -
         return None
     height, width = picture.shape[:2]
     size = f"{name} has {width} x {height} pixels"
-    if corners is None and not files.is_square(width, height):
-        faults.append(f"{size}: expected a square picture of just the table, or corners in {SETTINGS}")
+    if corners is None and not files.has_shape(width, height, settings.size_m):
+        shape = "square" if settings.size_m[0] == settings.size_m[1] else "{:g} by {:g}".format(*settings.size_m)
+        faults.append(f"{size}: expected a {shape} picture of just the table, or corners in {SETTINGS}")
     elif corners is not None and ((corners < 0) | (corners > [width, height])).any():
         faults.append(f"{size}, and corners in {SETTINGS} lie outside: correct them")
     else:
-        canvas = rectify(picture, corners)
+        canvas = rectify(picture, corners, settings.size_m)
         if np.median(canvas.reshape(-1, 3), axis=0).any():
             return canvas, (width, height)
         faults.append(f"{name} is black where the table should be: expected a picture of it, or other corners")

@@ -1,10 +1,10 @@
-"""From a photograph to the model's table: a homography to the table, then a similarity to the model's start and goal.
+"""From a photograph to the model's table: a homography to the table, then a scale.
 
-The models know one start and one goal, P_INIT and P_F. Another start and goal are mapped there by moving, turning and
-scaling picture and paths together, which keeps angles and ratios of lengths. One metre on the table is `scale` metres
-to the model.
+The model's table is a square with a side of 1 m. A person's table lies in its near left corner, and its longer side is
+1 m to the model. Beyond a shorter side the square continues the colours of the table's rim.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 
-from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import SIDE
 
 CANVAS_PX = 4 * SIDE  # side of a rectified table: fine enough to place cut-outs at a quarter of a model's pixel
@@ -24,60 +23,25 @@ CIRCLE = np.linspace(0, 2 * np.pi, 48)  # bearings of an outline's points
 
 @dataclass(frozen=True)
 class Frame:
-    """The similarity from metres on the table to the model's: model = matrix @ table + shift; side_m: the table's."""
+    """The scale between metres on a table of this width and depth [m] and the model's metres."""
 
-    side_m: float
-    matrix: Float[Array, "2 2"]
-    shift: Float[Array, "2"]
-
-    @classmethod
-    def between(cls, side_m: float, start: Float[Array, "2"], goal: Float[Array, "2"]) -> "Frame":
-        """Return the frame in which start and goal [m on the table], which differ, are P_INIT and P_F."""
-        first, last, begin, end = (complex(*map(float, p)) for p in (start, goal, P_INIT, P_F))
-        turn = (end - begin) / (last - first)
-        shift = begin - turn * first
-        matrix = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]])
-        return cls(side_m, matrix, np.array([shift.real, shift.imag]))
+    size_m: tuple[float, float]
 
     @property
     def scale(self) -> float:
         """Return how many of the model's metres one metre on the table is."""
-        return float(np.hypot(*self.matrix[0]))
-
-    @property
-    def is_whole_table(self) -> bool:
-        """Return whether the model sees the whole table unturned, as without a `start` and `goal`."""
-        return np.allclose(self.matrix * self.side_m, np.eye(2), 0, 1e-9) and np.allclose(self.shift, 0, 0, 1e-9)
-
-    @property
-    def degrees(self) -> float:
-        """Return the counter-clockwise turn [degrees]."""
-        return float(np.degrees(np.arctan2(*self.matrix[::-1, 0])))
+        return 1 / max(self.size_m)
 
     def to_model(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p 2"]:
         """Return points on the table [m] as the model's [m]."""
-        return np.asarray(points, float) @ self.matrix.T + self.shift
+        return np.asarray(points, float) * self.scale
 
     def to_table(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p 2"]:
         """Return the model's points [m] on the table [m]."""
-        return (np.asarray(points, float) - self.shift) @ self.matrix / self.scale**2
+        return np.asarray(points, float) / self.scale
 
     def image(self, canvas: UInt8[Array, "side side 3"], side_px: int = SIDE) -> UInt8[Array, "px px 3"]:
-        """Return the model's image of a rectified table, 100 pixels a side unless it is for people.
-
-        Beyond the table's edge it continues the colours of the rim without their objects, so that the edge is no
-        object either.
-        """
-        if not self.is_whole_table:
-            corners, size, borders = whole(CANVAS_PX, CANVAS_PX), canvas.shape[:2], cv2.BORDER_REPLICATE
-            model = self.to_model((corners * [1, -1] + [0, CANVAS_PX]) / CANVAS_PX * self.side_m)
-            matrix = homography(corners, (model * [1, -1] + [0, 1]) * CANVAS_PX)
-            inside, beyond = (
-                cv2.warpPerspective(layer, matrix, size, borderMode=borders)
-                for layer in (canvas, cv2.medianBlur(canvas, SMOOTH_PX))
-            )
-            on_table = cv2.warpPerspective(np.full(size, 255, np.uint8), matrix, size, flags=cv2.INTER_NEAREST)
-            canvas = np.where(on_table[..., None] > 0, inside, beyond)
+        """Return the model's image of a rectified table, 100 pixels a side unless it is for people."""
         return cv2.resize(canvas, (side_px, side_px), interpolation=cv2.INTER_AREA)
 
 
@@ -91,19 +55,30 @@ def homography(corners: Float[Array, "4 2"], others: Float[Array, "4 2"]) -> Flo
     return cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), (others - 0.5).astype(np.float32))
 
 
-def rectify(picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] | None) -> UInt8[Array, "side side 3"]:
-    """Return the table seen from straight above, CANVAS_PX pixels a side.
+def rectify(
+    picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] | None, size_m: Sequence[float] | Array = (1, 1)
+) -> UInt8[Array, "side side 3"]:
+    """Return the table seen from straight above in a square, CANVAS_PX pixels a side; its far edge is row 0.
 
     corners: [column, row] in the picture, far left, far right, near right, near left; None: the whole picture.
+    size_m: width and depth of the table; only their ratio matters here.
     """
     corners = whole(*picture.shape[1::-1]) if corners is None else corners
+    columns, rows = (max(1, round(CANVAS_PX * each / max(size_m))) for each in size_m)
     longest = max(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1))
-    side = CANVAS_PX * int(np.clip(np.ceil(longest / CANVAS_PX), 1, MAX_FINER))
-    matrix = homography(corners, whole(side, side))
-    warped = cv2.warpPerspective(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    canvas = cv2.resize(warped, (CANVAS_PX, CANVAS_PX), interpolation=cv2.INTER_AREA)
-    inner = np.ascontiguousarray(canvas[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX])
-    return cv2.copyMakeBorder(inner, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_REPLICATE)
+    finer = int(np.clip(np.ceil(longest / CANVAS_PX), 1, MAX_FINER))
+    size = finer * columns, finer * rows
+    matrix, borders = homography(corners, whole(*size)), cv2.BORDER_REPLICATE
+    warped = cv2.warpPerspective(picture, matrix, size, flags=cv2.INTER_LINEAR, borderMode=borders)
+    table = cv2.resize(warped, (columns, rows), interpolation=cv2.INTER_AREA)
+    inner = np.ascontiguousarray(table[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX])
+    table = cv2.copyMakeBorder(inner, RIM_PX, RIM_PX, RIM_PX, RIM_PX, borders)
+    if columns == rows:
+        return table
+    plain = cv2.medianBlur(table, SMOOTH_PX)
+    canvas = cv2.copyMakeBorder(plain, CANVAS_PX - rows, 0, 0, CANVAS_PX - columns, borders)
+    canvas[CANVAS_PX - rows :, :columns] = table
+    return canvas
 
 
 def outline(ends: Float[Array, "2 2"], radius: float | np.floating) -> Float[Array, "point 2"]:

@@ -67,7 +67,7 @@ class Views(NamedTuple):
         corners = whole(*self.sizes[scene]) if corners is None else corners
         matrix = homography(corners, whole(1, 1))
         share = cv2.perspectiveTransform(pixels[None].astype(float), matrix)[0]
-        return np.column_stack([share[:, 0], 1 - share[:, 1]]) * self.settings.side_m
+        return np.column_stack([share[:, 0], 1 - share[:, 1]]) * self.settings.size_m
 
 
 def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
@@ -87,14 +87,16 @@ def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
 
 def _from_csv(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
     """Return the capsules of items.csv."""
-    items, side, told = files.read_checked(path / ITEMS, views.sizes, faults), views.settings.side_m, {}
+    items, size, told = files.read_checked(path / ITEMS, views.sizes, faults), views.settings.size_m, {}
     if items is None:
         return {}
     faults.rows(ITEMS, items[items["radius_m"] <= 0], "radius_m is {radius_m:g}: expected metres above 0")
     short = items[items["half_length_m"] < 0]
     faults.rows(ITEMS, short, "half_length_m is {half_length_m:g}: expected metres from 0")
-    far = items[((items[["x", "y"]] < 0) | (items[["x", "y"]] > side)).any(axis=1)]
-    faults.rows(ITEMS, far, f"({{x:g}}, {{y:g}}) is not on the table: expected metres from 0 to {side:g}")
+    far = items[((items[["x", "y"]] < 0) | (items[["x", "y"]] > size)).any(axis=1)]
+    faults.rows(
+        ITEMS, far, f"({{x:g}}, {{y:g}}) is not on the table: expected metres from 0 to {size[0]:g} and {size[1]:g}"
+    )
     for row in items.itertuples():
         turn = np.radians(row.angle_deg)
         arm = np.array([np.cos(turn), np.sin(turn)]) * row.half_length_m
@@ -142,7 +144,7 @@ def _polygons(one: _Annotation, scene: str, views: Views) -> list[Float[Array, "
     rings = [np.reshape(ring, (-1, 2)) for ring in one.segmentation if len(ring) >= 6 and len(ring) % 2 == 0]
     if len(rings) < len(one.segmentation):
         raise InputError("a polygon is no list of x and y of three points or more: correct it")
-    if not rings and one.bbox:
+    if not rings and one.bbox is not None:
         x, y, width, height = one.bbox
         rings = [whole(1, 1) * [width, height] + [x, y]]
     size = np.array(views.sizes[scene])

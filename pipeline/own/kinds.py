@@ -15,6 +15,7 @@ from numpy import ndarray as Array
 
 from pipeline import library
 from pipeline.causal.envelope import dose_grid, paths_at_doses, radius
+from pipeline.models.clearance.clearance import PATH_SAMPLES
 from pipeline.own.fitting import Fitted
 from pipeline.own.folder import Folder
 from pipeline.own.frame import CANVAS_PX, Frame, outline
@@ -22,18 +23,19 @@ from pipeline.perception.objects import Capsule, Objects, fit_capsule
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import by_item
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm
-from pipeline.world.bezier import P_F, P_INIT, random_z_theta
+from pipeline.world.bezier import bezier
 from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
 from pipeline.world.layout import EMPTY, Layouts, empty, point_segment_distance, segment_distance
-from pipeline.world.rules import clearance
+from pipeline.world.rules import line_clearance
 
 PLACES = 120  # places of each kind over all scenes, at least: library.effect calls no change in 60 negligible
 PATHS = 40  # random paths at each place
 TRIES = 200  # draws of a free place before a scene counts as full
-CENTRE_M = 0.12, 0.88  # objects' centres in each coordinate [m of the model], as scenes.layout in conf/scenes.yaml
 CLEAR_OF_ENDS_M, CLEAR_OF_ITEMS_M = 0.12, 0.015  # least distances from path ends and other objects, as there
 STEP_M, DOSES = 0.01, 13  # of clearance from the object, for the envelope [m of the model]
 CLEAR_OF_OTHERS_M = 0.06  # clearance of these paths from all other objects, as conf/studies/safety.yaml
+SPREAD_M = 0.15  # standard deviation by which control points of random paths leave a demonstration's [m of the model]
+COARSE_POINTS = 65  # of a path whose clearance the truth measures as a polyline
 PER_METRE = 1000  # points per metre at which a cut-out's outline is measured
 CANDIDATES = 768  # random paths a scene among which those at each clearance are chosen
 
@@ -51,13 +53,13 @@ class Added:
 
 def add_kind(folder: Folder, kind: str) -> Added | None:
     """Return the kind's cut-outs, each at random free places; None if fewer than two scenes have room."""
-    rng, side, numbers, images, ends, radii = stream("own", "places", kind), folder.frame.side_m, [], [], [], []
-    objects = folder.seen.objects
+    rng, side, numbers, images, ends, radii = stream("own", "places", kind), max(folder.frame.size_m), [], [], [], []
+    objects, path_ends = folder.seen.objects, ends_of_paths(folder)
     cutouts = [(cutout, width, footprint(cutout, width)) for cutout, width in folder.cutouts[kind]]
     for turn in range(-(-PLACES // len(folder.scenes))):
         for scene, canvas in enumerate(folder.canvases.values()):
             cutout, width, capsule = cutouts[(turn + scene) % len(cutouts)]
-            place = free_place(rng, folder.frame, objects, scene, capsule)
+            place = free_place(rng, folder.frame, objects, scene, capsule, path_ends[folder.scenes[scene]])
             if place is not None:
                 centre, angle = place
                 numbers.append(scene)
@@ -88,21 +90,27 @@ def scaled(picture: Array, across: float) -> Array:
 
 
 def free_place(
-    rng: np.random.Generator, frame: Frame, objects: Objects, scene: int, capsule: Capsule
+    rng: np.random.Generator,
+    frame: Frame,
+    objects: Objects,
+    scene: int,
+    capsule: Capsule,
+    path_ends: Float[Array, "end 2"],
 ) -> tuple[Float[Array, "2"], float] | None:
     """Return the picture's centre [m on the table] and angle [rad] where the object is clear of all else, if anywhere.
 
+    path_ends: where demonstrated paths begin and end in this scene [m of the model].
     `world.layout.add_item` knows no table's edge, no other table than the model's and no picture beside its footprint.
     """
     present, wide = objects.present[scene], frame.scale * capsule.radius
     others, radii = objects.ends[scene, present].astype(float), objects.radius[scene, present]
     reach = np.linalg.norm(capsule.half) + capsule.radius
     for _ in range(TRIES):
-        middle, angle = frame.to_table(rng.uniform(*CENTRE_M, 2)), rng.uniform(-np.pi, np.pi)  # of the object
+        middle, angle = rng.uniform(0, 1, 2) * frame.size_m, rng.uniform(-np.pi, np.pi)  # of the object
         centre = middle - rotation(angle) @ capsule.centre
         ends = ends_of(frame, capsule, centre, angle)
-        on_table = (middle > reach).all() and (middle < frame.side_m - reach).all()
-        from_ends = min(point_segment_distance(end, *ends) for end in (P_INIT, P_F)) - wide
+        on_table = (middle > reach).all() and (middle < np.array(frame.size_m) - reach).all()
+        from_ends = point_segment_distance(path_ends, *ends).min(initial=np.inf) - wide
         gaps = segment_distance(ends, others) - wide - radii
         if on_table and from_ends >= CLEAR_OF_ENDS_M and (gaps >= CLEAR_OF_ITEMS_M).all():
             return centre, float(angle)
@@ -145,8 +153,8 @@ def capsules(ends: Float[Array, "scene slot 2 2"], radii: Float[Array, "scene sl
     )
 
 
-def effects(fitted: Fitted, added: Mapping[str, Added]) -> pd.DataFrame:
-    """Return one row for each kind: what adding it does to P(valid), for one user.
+def effects(fitted: Fitted, added: Mapping[str, Added], folder: Folder) -> pd.DataFrame:
+    """Return one row for each kind: what adding it does to P(valid) of `random_paths`, for one user.
 
     effect, ci_low, ci_high, p_holm (over the user's kinds) as `library.effect` gives them, places being its scenes;
     lowest, highest: of the models that were fitted without each fold. The verdict holds for all of these models and
@@ -154,7 +162,7 @@ def effects(fitted: Fitted, added: Mapping[str, Added]) -> pd.DataFrame:
     """
     rows = []
     for kind, places in added.items():
-        z = random_z_theta(stream("own", "paths", kind), len(places.scene), PATHS)
+        z = random_paths(stream("own", "paths", kind), folder, len(places.scene), PATHS)
         change = library.effect(fitted.model, places.seen, places.seen_with, z)
         others = [
             (model.probability(places.seen_with, z).astype(float) - model.probability(places.seen, z)).mean()
@@ -182,15 +190,16 @@ def envelopes(fitted: Fitted, added: Mapping[str, Added], folder: Folder, table:
     between models are multiplied by K - 1, so that their standard error is the jackknife's over groups of scenes
     (Tukey, 1958).
     """
-    rows, candidates = [], random_z_theta(stream("own", "candidates"), len(folder.scenes), CANDIDATES)
-    others = capsules(folder.objects.ends, folder.objects.radius, folder.objects.present)
+    rows, objects = [], folder.seen.objects
+    candidates = random_paths(stream("own", "candidates"), folder, len(folder.scenes), CANDIDATES, COARSE_POINTS)
+    others = capsules(objects.ends, objects.radius, objects.present)
     to_others, doses = _clearance(others, candidates).min(-1), dose_grid(STEP_M, DOSES)
     avoided = (table["user"] == fitted.data.user) & (table["verdict"] == "effect") & (table["effect"] < 0)
     for kind in table.loc[avoided, "kind"]:
         places = added[kind]
         to_added = _clearance(places.footprint, candidates[places.scene])[..., 0]
         chosen = paths_at_doses(to_added, to_others[places.scene], doses, CLEAR_OF_OTHERS_M, 1)[..., 0]  # (row, dose)
-        paths = np.take_along_axis(candidates[places.scene], np.maximum(chosen, 0)[..., None], axis=1)
+        paths = np.take_along_axis(candidates[places.scene], np.maximum(chosen, 0)[..., None, None], axis=1)
         falls = [
             model.probability(places.seen, paths) - model.probability(places.seen_with, paths).astype(float)
             for model in fitted.fold_models
@@ -206,6 +215,22 @@ def envelopes(fitted: Fitted, added: Mapping[str, Added], folder: Folder, table:
     return pd.DataFrame(rows, columns=["user", "kind", "radius_m", "ci_low", "ci_high", "scenes"])
 
 
-def _clearance(layouts: Layouts, paths: Float[Array, "row path 2"]) -> Float[Array, "row path slot"]:
+def _clearance(layouts: Layouts, paths: Float[Array, "row path point 2"]) -> Float[Array, "row path slot"]:
     """Return the clearance [m] of paths from each capsule, a row at a time to save memory."""
-    return np.concatenate([clearance(layouts[[i]], paths[[i]]) for i in range(len(paths))])
+    return np.concatenate([line_clearance(layouts[[i]], paths[[i]]) for i in range(len(paths))])
+
+
+def random_paths(
+    rng: np.random.Generator, folder: Folder, rows: int, count: int, points: int = PATH_SAMPLES
+) -> Float[Array, "row path point 2"]:
+    """Draw paths [m of the model]: demonstrated ones of any scene and user, inner control points moved at random."""
+    shown = folder.controls()
+    controls = shown[rng.integers(len(shown), size=(rows, count))]
+    controls[..., 1:-1, :] += SPREAD_M * rng.standard_normal(controls[..., 1:-1, :].shape)
+    return bezier(controls, points)
+
+
+def ends_of_paths(folder: Folder) -> dict[str, Float[Array, "end 2"]]:
+    """Return where demonstrated paths begin and end in each scene [m of the model]; none where nobody showed any."""
+    controls, scenes = folder.controls(), folder.demos["scene"].to_numpy()
+    return {name: controls[scenes == name][:, [0, -1]].reshape(-1, 2) for name in folder.scenes}

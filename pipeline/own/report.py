@@ -1,5 +1,6 @@
 """Write the report of a folder: page, figures, tables, metrics, recording; all of it or nothing."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pandas as pd
 
 from pipeline.artifacts.files import write_json, write_table
 from pipeline.own import figures
+from pipeline.own.export import write_exports
 from pipeline.own.frame import Frame
 from pipeline.own.recording import write_recording
 from pipeline.own.results import Results
@@ -17,7 +19,6 @@ from pipeline.report.tables import lookup
 from pipeline.runtime.errors import InputError
 
 METRICS = "metrics.json"
-CONTROL_POINTS = ["z_x", "z_y"], ["end_x", "end_y"]  # columns that hold places [m of the model]
 
 
 def check_replaceable(out_dir: Path) -> None:
@@ -27,7 +28,7 @@ def check_replaceable(out_dir: Path) -> None:
 
 
 def write_report(results: Results, out_dir: Path) -> None:
-    """Replace the folder `out_dir` by the report: index.html, figures/, tables/ (csv and parquet), metrics.json."""
+    """Replace the folder `out_dir` by the report: page, figures, tables, metrics, recording, exports."""
 
     def score(user: str, predictor: str, column: str) -> float:
         return lookup(results.tables["scores"], "scores", column, user=user, predictor=predictor, share=1.0)
@@ -49,6 +50,7 @@ def write_report(results: Results, out_dir: Path) -> None:
         write_table(part / "tables" / f"{name}.parquet", table)
     write_json(part / METRICS, results.metrics)
     write_recording(part / "recording.rrd", results)
+    write_exports(results, part)
     shutil.copy(SHARED / "page.css", part)
     shutil.rmtree(old, ignore_errors=True)
     if out_dir.exists():
@@ -58,12 +60,9 @@ def write_report(results: Results, out_dir: Path) -> None:
 
 
 def on_the_table(table: pd.DataFrame, frame: Frame) -> pd.DataFrame:
-    """Return a table whose control points are in metres on the table, not the model's."""
-    table = table.copy()
-    for pair in CONTROL_POINTS:
-        if pair[0] in table:
-            table[pair] = frame.to_table(table[pair].to_numpy(float))
-    return table
+    """Return a table whose control points, if it has any, are in metres on the table, not the model's."""
+    columns = [name for name in table if re.fullmatch(r"c\d_[xy]", str(name))]
+    return table.assign(**{name: frame.to_table(table[name].to_numpy()) for name in columns})
 
 
 def without_formulas(table: pd.DataFrame) -> pd.DataFrame:

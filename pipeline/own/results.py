@@ -4,7 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import pandas as pd
+from jaxtyping import Float
 from matplotlib.font_manager import findfont, get_font
+from numpy import ndarray as Array
 
 from pipeline.own import fitting, kinds
 from pipeline.own.fitting import VARIANT, Fitted, UserData, fit_user
@@ -38,6 +40,12 @@ class Results:
         known = all(font.get_char_index(ord(letter)) for letter in user)
         return user.replace("\\", "\\\\").replace("$", r"\$") if known else f"user {list(self.fitted).index(user) + 1}"
 
+    def repaired_paths(self, user: str, scene: str) -> dict[str, Float[Array, "point 2"]]:
+        """Return the points [m on the table] of a user's repaired paths in a scene, by demonstration."""
+        rows = self.tables["repaired_paths"]
+        rows = rows[(rows["user"] == user) & (rows["scene"] == scene)]
+        return {str(demo): path[["x", "y"]].to_numpy(float) for demo, path in rows.groupby("demo", sort=False)}
+
     @property
     def metrics(self) -> dict:
         """Return the headlines: counts, and scores by user."""
@@ -46,7 +54,7 @@ class Results:
         scores["gain_from_half"] = self.tables["enough"].set_index("user")["gain"]
         demos = self.tables["demonstrations"]
         counted: dict[str, float] = {"scenes": len(self.folder.scenes), "demonstrations": len(demos)}
-        counted |= {"need_more_control_points": int(demos["needs_more"].sum())}
+        counted |= {"degree": int(self.tables["degrees"].query("chosen")["degree"].iloc[0])}
         if "detections" in self.tables:
             counted["recall"] = round(float(self.tables["detections"]["detected"].mean()), 6)
         return {"users": scores.astype(float).round(6).to_dict("index"), **counted}
@@ -54,7 +62,6 @@ class Results:
 
 def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
     """Fit all users' models and return all results."""
-    scale = folder.frame.scale
     fitted = {user: fit_user(UserData.of(user, folder), progress) for user in folder.users}
 
     def by_user(ask: Callable[[Fitted], pd.DataFrame]) -> pd.DataFrame:
@@ -63,6 +70,7 @@ def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
     judged = by_user(lambda one: one.judged)
     tables = {
         "demonstrations": folder.demos,
+        "degrees": folder.degrees,
         "predictions": judged,
         "scores": (scored := fitting.scores(judged)),
         "seeing": fitting.gain_from_seeing(judged, scored),
@@ -74,10 +82,12 @@ def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
     placed = {kind: kinds.add_kind(folder, kind) for kind in sorted(folder.cutouts)}
     added = {kind: places for kind, places in placed.items() if places is not None}
     if added:
-        tables["interventions"] = by_user(lambda one: kinds.effects(one, added))
+        tables["interventions"] = by_user(lambda one: kinds.effects(one, added, folder))
         tables["distances"] = by_user(lambda one: kinds.envelopes(one, added, folder, tables["interventions"]))
     progress("repairs")
-    tables["repaired"] = by_user(lambda one: fitting.repairs(one, scale))
+    repaired = [fitting.repairs(one, folder) for one in fitted.values()]
+    for name, parts in zip(("repaired", "repaired_paths"), zip(*repaired, strict=True), strict=True):
+        tables[name] = pd.concat(parts, ignore_index=True)
     unlisted = 0
     if folder.told:
         tables["detections"], unlisted = compared(folder.seen, folder.scenes)

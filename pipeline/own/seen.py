@@ -136,9 +136,9 @@ def suggest(
 ) -> list[tuple[str, Float[Array, "point 2"]]]:
     """Return kind and outline of what the detector finds in a scene; kinds: the most alike of those named in `told`.
 
-    Outlines are in shares of the table's side, and so are those told.
+    Outlines are in shares of the table's longer side, and so are those told.
     """
-    frame, names = Frame(1.0, np.eye(2), np.zeros(2)), list(canvases)
+    frame, names = Frame((1.0, 1.0)), list(canvases)
     images = np.stack([frame.image(canvases[name]) for name in names])
     items = {i: told[name] for i, name in enumerate(names) if told.get(name)}
     seen = look(images, frame, items, None, ALONE)

@@ -37,6 +37,12 @@ def bezier(controls: Float[Array, "*path control 2"], samples: int) -> Float[Arr
     return bernstein(np.linspace(0.0, 1.0, samples), controls.shape[-2] - 1) @ controls
 
 
+def elevated(controls: Float[Array, "control 2"], degree: int) -> Float[Array, "more 2"]:
+    """Return the control points [m] of the same path as one of a higher degree, or of its own."""
+    t = np.linspace(0, 1, 2 * degree + 1)
+    return np.linalg.lstsq(bernstein(t, degree), bernstein(t, len(controls) - 1) @ controls, rcond=None)[0]
+
+
 def as_controls(z_theta: Float[Array, "*path 2"]) -> Float[Array, "*path 3 2"]:
     """Return the three control points [m] of the paper's paths."""
     ends = [np.broadcast_to(end, z_theta.shape) for end in (P_INIT, P_F)]

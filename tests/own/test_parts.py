@@ -13,7 +13,7 @@ from pipeline.own.fitting import UserData
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX, Frame, rectify
 from pipeline.perception.objects import Objects
-from pipeline.world.bezier import P_F, P_INIT
+from pipeline.world.bezier import P_INIT
 from tests.factories import RED, WHITE, draw_table
 from tests.own.folders import add_kind, make_folder
 
@@ -36,7 +36,7 @@ def test_scenes_with_fewer_demonstrations_repeat_them_and_only_real_ones_are_sco
     tea = data.scenes.index("tea")
     assert data.real[tea].tolist() == [True, True, False, False] and data.real.sum() == 14
     assert data.demo[tea].tolist() == ["0", "3", "0", "3"]
-    assert np.array_equal(data.z_theta[tea, 1], data.z_theta[tea, 3])
+    assert np.array_equal(data.controls[tea, 1], data.controls[tea, 3])
 
 
 def test_a_pasted_cutout_lies_where_its_footprint_says(folder: Folder):
@@ -52,18 +52,20 @@ def test_a_pasted_cutout_lies_where_its_footprint_says(folder: Folder):
 def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(folder: Folder):
     capsule, rng, objects = kinds.footprint(*folder.cutouts["cup"][0]), np.random.default_rng(0), deepcopy(NOTHING)
     objects.ends[0, 0], objects.radius[0, 0], objects.present[0, 0] = (0.5, 0.5), 0.2, True
-    places = [kinds.free_place(rng, folder.frame, objects, 0, capsule) for _ in range(50)]
+    places = [kinds.free_place(rng, folder.frame, objects, 0, capsule, P_INIT[None]) for _ in range(50)]
     centres = np.array([centre for centre, _ in filter(None, places)])
     assert len(centres) == 50 and (np.linalg.norm(centres - 0.5, axis=1) > 0.2 + capsule.radius + 0.014).all()
     assert (np.linalg.norm(centres - P_INIT, axis=1) > 0.12 + capsule.radius - 0.002).all()
     picture = np.zeros((300, 400, 4), np.uint8)
     picture[20:60, 300:380] = 255  # far from the picture's middle
     corner = kinds.footprint(picture, 1.2)
-    for centre, angle in filter(None, [kinds.free_place(rng, folder.frame, objects, 0, corner) for _ in range(50)]):
+    for centre, angle in filter(
+        None, [kinds.free_place(rng, folder.frame, objects, 0, corner, P_INIT[None]) for _ in range(50)]
+    ):
         ends = kinds.ends_of(folder.frame, corner, centre, angle)
         assert ((ends > corner.radius) & (ends < 1 - corner.radius)).all()
     objects.radius[0, 0] = 0.7
-    assert kinds.free_place(rng, folder.frame, objects, 0, capsule) is None
+    assert kinds.free_place(rng, folder.frame, objects, 0, capsule, P_INIT[None]) is None
 
 
 @pytest.mark.parametrize(("half", "scenes", "state"), [(0.5, 25, "rising"), (1.0, 25, "flat"), (1.0, 6, "open")])
@@ -100,21 +102,17 @@ def photograph(table: np.ndarray) -> np.ndarray:
 
 def test_an_oblique_photograph_becomes_the_table_again():
     table = draw_table((0.7, 0.3, 0.05, RED), (0.3, 0.7, 0.06, WHITE))
-    whole = Frame.between(1.0, P_INIT, P_F)
-    image = whole.image(rectify(photograph(table), CORNERS))
-    assert whole.is_whole_table and image.shape == (100, 100, 3)
+    image = Frame((1.0, 1.0)).image(rectify(photograph(table), CORNERS))
+    assert image.shape == (100, 100, 3)
     np.testing.assert_allclose(centre_of_red(image), (0.7, 0.3), atol=0.004)
     assert np.abs(image.astype(int) - table)[5:-5, 5:-5].mean() < 4
 
 
-@pytest.mark.parametrize(
-    ("side", "start", "goal"),
-    [(1.0, (0.1, 0.5), (0.9, 0.5)), (2.0, (0.2, 1.8), (1.8, 0.2)), (0.8, (0.06, 0.06), (0.7, 0.7))],
-)
-def test_any_start_and_goal_become_the_models(side: float, start: tuple, goal: tuple):
-    frame = Frame.between(side, np.array(start), np.array(goal))
-    np.testing.assert_allclose(frame.to_model(np.array([start, goal])), [P_INIT, P_F], atol=1e-12)
-    points = np.random.default_rng(0).uniform(0, side, (5, 2))
+@pytest.mark.parametrize("size", [(2.0, 2.0), (1.2, 0.8), (0.5, 1.0)])
+def test_a_table_of_any_shape_lies_in_the_near_left_corner_of_the_models_square(size: tuple[float, float]):
+    table = draw_table((0.7, 0.3, 0.05, RED))
+    frame, points = Frame(size), np.array([[0.0, 0.0], [0.7, 0.3], [1.0, 1.0]]) * size
+    image = frame.image(rectify(photograph(table), CORNERS, size))
+    np.testing.assert_allclose(centre_of_red(image), frame.to_model(points)[1], atol=0.006)
     np.testing.assert_allclose(frame.to_table(frame.to_model(points)), points)
-    distances = [np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (points, frame.to_model(points))]
-    np.testing.assert_allclose(distances[1], frame.scale * distances[0])
+    assert frame.to_model(points).max() == 1

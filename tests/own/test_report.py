@@ -7,16 +7,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from pipeline import library
 from pipeline.own.__main__ import main
 from pipeline.own.frame import Frame
 from pipeline.own.report import on_the_table
 from pipeline.runtime.places import ROOT
-from pipeline.world.bezier import P_F, P_INIT
 from tests.own.folders import USERS, edit, make_folder
 
 EXAMPLE = ROOT / "examples" / "table"
@@ -68,11 +69,40 @@ def test_the_report_of_the_example_says_what_its_users_do(example: Path):
     assert subprocess.run(command, capture_output=True).returncode == 0
 
 
+@pytest.mark.slow
+def test_what_planners_read_says_what_the_report_says(example: Path):
+    users = yaml.safe_load((example / "specification.yaml").read_text())["users"]
+    kept = table(example, "distances").set_index(["user", "kind"])["radius_m"]
+    said = users["Jürgen"]["kinds"]["glass"]
+    assert said["verdict"] == "effect" and said["keep_away"]["radius_m"] == pytest.approx(
+        kept["Jürgen", "glass"], abs=1e-4
+    )
+    assert "keep_away" not in users["Jürgen"]["kinds"]["bowl"]
+    for number, user in enumerate(USERS, 1):
+        told = yaml.safe_load((example / "keep_out" / f"user_{number}-scene_1.yaml").read_text())
+        mask = cv2.imread(str(example / "keep_out" / told["image"]), cv2.IMREAD_UNCHANGED)
+        assert mask.shape == (50, 50) and set(np.unique(mask)) == {0, 254}, user
+        assert told["resolution"] * 50 == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_repaired_paths_come_back_from_the_bag(example: Path):
+    reader = pytest.importorskip("rosbags.highlevel")
+    paths = table(example, "repaired_paths")
+    with reader.AnyReader([example / "repaired"]) as bag:
+        read = [bag.deserialize(raw, connection.msgtype) for connection, _, raw in bag.messages()]
+    assert len(read) == len(paths.drop_duplicates(["user", "scene", "demo"]))
+    rows = table(example, "repaired")
+    for message in read:
+        row = rows.iloc[message.header.stamp.sec - 2]
+        own = paths[(paths["user"] == row.user) & (paths["scene"] == row.scene) & (paths["demo"] == row.demo)]
+        places = [[p.pose.position.x, p.pose.position.y] for p in message.poses]
+        np.testing.assert_allclose(places, own[["x", "y"]])
+
+
 def test_control_points_are_written_in_metres_on_the_table():
-    frame = Frame.between(0.8, np.array([0.7, 0.1]), np.array([0.1, 0.7]))
-    ends = pd.DataFrame([[*P_INIT, *P_F]], columns=["z_x", "z_y", "end_x", "end_y"])
-    np.testing.assert_allclose(on_the_table(ends, frame), [[0.7, 0.1, 0.1, 0.7]])
-    assert on_the_table(ends[[]], frame).empty
+    points = pd.DataFrame([[0.5, 1.0, 0.1]], columns=["c0_x", "c0_y", "residual_m"])
+    np.testing.assert_allclose(on_the_table(points, Frame((0.8, 0.4))), [[0.4, 0.8, 0.1]])
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from pipeline.models.base import Images, LogOdds, Paths, Pixels, ValidityModel
-from pipeline.models.curves import resample
+from pipeline.models.curves import coordinates
 from pipeline.perception.objects import FEATURES, Objects, detect_objects
 from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import P_F, P_INIT, basis
@@ -272,8 +272,7 @@ def _sampled(paths: Paths) -> tuple[Float[Tensor, "scene path sample"], Float[Te
     One coordinate at a time: torch reduces an axis of length 2 several times slower than it adds two tensors.
     """
     if paths.ndim == 4:
-        x, y = resample(paths, PATH_SAMPLES).unbind(-1)
-        return x, y
+        return coordinates(paths, PATH_SAMPLES)
     b = basis(np.linspace(0.0, 1.0, PATH_SAMPLES))
     fixed = torch.from_numpy(b[:, :1] * P_INIT + b[:, 2:] * P_F).to(paths)  # (sample, 2)
     lift = torch.from_numpy(b[:, 1]).to(paths)

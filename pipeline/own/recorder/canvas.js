@@ -74,13 +74,13 @@ export class Board {
     if (!this.tool || event.ctrlKey || event.altKey || event.metaKey) return;
     const { key } = event;
     if (key in STEPS) {
-      this.cross ??= this.tool.home() ?? [this.image.naturalWidth / 2, this.image.naturalHeight / 2];
+      this.cross ??= [this.image.naturalWidth / 2, this.image.naturalHeight / 2];
       this.slow = event.shiftKey;
       if (!this.held.size) this.glide();
       this.held.add(key);
     } else if (key === "Enter" || key === " ") {
       if (event.repeat) return;
-      this.cross ??= this.tool.home() ?? [this.image.naturalWidth / 2, this.image.naturalHeight / 2];
+      this.cross ??= [this.image.naturalWidth / 2, this.image.naturalHeight / 2];
       const begins = !(this.tool.continuous && this.tool.busy);
       if (begins) this.tool.press([...this.cross], event.timeStamp);
       if (!begins || !this.tool.continuous) this.tool.release([...this.cross], event.timeStamp);

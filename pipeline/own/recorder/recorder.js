@@ -1,6 +1,6 @@
 // The recorder's page: shows scenes, sends what a person draws and judges, and says what is recorded.
-import { Board, dot, stroke, write } from "/static/canvas.js";
-import { OutlineTool, PathTool, PointTool, metres } from "/static/tools.js";
+import { Board, stroke } from "/static/canvas.js";
+import { OutlineTool, PathTool, PointTool } from "/static/tools.js";
 
 const $ = id => document.getElementById(id);
 const STEPS = { table: "Place the table", items: "Outline items", paths: "Record paths" };
@@ -117,8 +117,8 @@ function start() {
 }
 
 function startPaths() {
-  board.tool = new PathTool(() => ({ scene, overview }), say, showButtons);
-  say(user ? `Draw a path from Start to Goal for ${user}.` : "Add the name of the person who judges, then draw a path from Start to Goal.");
+  board.tool = new PathTool(overview.min_samples, say, showButtons);
+  say(user ? `Draw a path for ${user}: press where it begins, let go where it ends.` : "Add the name of the person who judges, then draw a path.");
 }
 
 async function judge(valid) {
@@ -228,36 +228,12 @@ function overlap(first, second) { // whether the middle of one lies in the box o
 
 function startTable() {
   const form = $("table-form").elements;
-  $("side").value = overview.side_m;
-  for (const end of ["start", "goal"]) ["x", "y"].forEach((axis, i) => { $(`${end}-${axis}`).value = overview[end][i]; });
+  ["width", "depth"].forEach((side, i) => { $(side).value = overview.size_m[i]; });
   form.holds.value = overview.for_each_scene ? "one" : "all";
   const paths = Object.values(overview.counts).flatMap(Object.values).reduce((sum, count) => sum + count.valid + count.invalid, 0);
   $("kept").textContent = paths ? `${paths} paths are stored in metres of the table as it was. Moving it now does not move them.` : "";
-  choosePlace();
-}
-
-function choosePlace() {
-  const choice = $("table-form").elements.place;
-  if (choice.value !== "corners" && board.tool?.count === 4 && board.tool.points.length) {
-    choice.value = "corners";
-    say("Save the marked corners first, or press Escape on the picture.", "bad");
-    return;
-  }
-  const place = choice.value;
-  if (place === "corners") {
-    board.tool = new PointTool(4, () => {}, tellCorner);
-    tellCorner();
-  } else if (!scene.corners) {
-    say("Mark the table’s corners and save them first.", "bad");
-    board.tool = null;
-  } else {
-    board.tool = new PointTool(1, ([point]) => {
-      const [x, y] = metres(scene.matrix, point);
-      $(`${place}-x`).value = x.toFixed(3);
-      $(`${place}-y`).value = y.toFixed(3);
-    }, () => say(`The ${place} is placed. Save the table to keep it.`));
-    say(`Click where every path ${place === "start" ? "begins" : "ends"}.`);
-  }
+  board.tool = new PointTool(tellCorner);
+  tellCorner();
   board.redraw();
 }
 
@@ -269,7 +245,7 @@ function tellCorner() {
 
 async function saveTable() {
   const form = $("table-form").elements;
-  const points = form.place.value === "corners" && board.tool ? board.tool.points : [];
+  const points = board.tool?.points ?? [];
   if (points.length % 4) {
     say(`${points.length} of four corners are marked: mark the others, too, or press Escape on the picture.`, "bad");
     return;
@@ -280,9 +256,7 @@ async function saveTable() {
       scene: scene.name,
       everywhere: form.holds.value === "all",
       corners: points.length ? points : null,
-      side_m: number("side"),
-      start: [number("start-x"), number("start-y")],
-      goal: [number("goal-x"), number("goal-y")],
+      size_m: [number("width"), number("depth")],
     });
     await refresh();
     start();
@@ -298,13 +272,6 @@ function drawScene(context, unit) {
   stroke(context, unit, scene.corners, "#ffffff", { closed: true, width: 1.5, alpha: 0.8 });
   if (step === "paths" && $("earlier").checked) for (const path of ownPaths())
     stroke(context, unit, path.points, overview.colours[path.valid ? "valid" : "invalid"], { dashed: !path.valid, alpha: 0.75, width: 2.5 });
-  for (const [end, label] of [["start", "Start"], ["goal", "Goal"]]) {
-    stroke(context, unit, scene.zones[end], "#ffffff", { closed: true, width: 2, fill: "#ffffff40" });
-    dot(context, unit, scene.ends[end], "#ffffff", 3);
-    const low = Math.max(...scene.zones[end].map(([, y]) => y)) + 12 * unit;
-    const high = Math.min(...scene.zones[end].map(([, y]) => y)) - 12 * unit;
-    write(context, unit, label, [scene.ends[end][0], low < board.image.naturalHeight - 8 * unit ? low : high]);
-  }
 }
 
 // ---- lists
@@ -337,7 +304,7 @@ function choose(name) {
   showUsers();
   showButtons();
   if (waiting()) say(`Is it valid for ${user}?`);
-  else if (scene?.corners && step === "paths") say(`Draw a path from Start to Goal for ${user}.`);
+  else if (scene?.corners && step === "paths") say(`Draw a path for ${user}.`);
   board.redraw();
 }
 
@@ -398,7 +365,6 @@ $("user-form").addEventListener("submit", event => {
   choose(name);
   $("canvas").focus();
 });
-$("table-form").addEventListener("change", event => { if (event.target.name === "place") choosePlace(); });
 $("table-form").addEventListener("submit", event => { event.preventDefault(); saveTable(); });
 $("board").addEventListener("keydown", event => { // letters act on the picture and its buttons, never in a field
   if (event.target.matches("input:not([type=radio], [type=checkbox])") || event.ctrlKey || event.metaKey || event.altKey) return;

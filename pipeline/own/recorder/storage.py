@@ -16,9 +16,9 @@ from numpy import ndarray as Array
 from pydantic import ConfigDict, Field, FiniteFloat, validate_call
 
 from pipeline.own import files
-from pipeline.own.demonstrations import ENDS_WITHIN_M, MIN_SAMPLES, MIN_SCENES, check_paths
+from pipeline.own.demonstrations import MIN_SAMPLES, MIN_SCENES, check_paths
 from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings
-from pipeline.own.frame import outline, rectify, whole
+from pipeline.own.frame import rectify, whole
 from pipeline.own.items import COCO, Told, crosses_itself
 from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
 from pipeline.runtime.errors import InputError
@@ -51,7 +51,7 @@ class Recordings:
         self.overview()
 
     def overview(self) -> dict[str, Any]:
-        """Return scenes, users, the numbers of paths, and start and goal."""
+        """Return scenes, users, the numbers of paths, and the table's size."""
         scenes, settings = list(self._scenes()), self._settings()
         paths = self._table().drop_duplicates(KEY)
         counts: dict[str, dict[str, dict[str, int]]] = {scene: {} for scene in scenes}
@@ -63,11 +63,8 @@ class Recordings:
             "scenes": scenes,
             "users": list(dict.fromkeys(paths["user"])),
             "counts": counts,
-            "side_m": settings.side_m,
-            "start": settings.start.tolist(),
-            "goal": settings.goal.tolist(),
+            "size_m": settings.size_m.tolist(),
             "for_each_scene": isinstance(settings.corners, dict),
-            "ends_within_m": ENDS_WITHIN_M,
             "min_samples": MIN_SAMPLES,
             "min_scenes": MIN_SCENES,
         }
@@ -75,24 +72,22 @@ class Recordings:
     def scene(self, name: str) -> dict[str, Any]:
         """Return what stands over a scene's picture [px], and its homography to metres; None for unknown corners."""
         settings = self._settings()
-        corners, side = self._corners(name, settings), settings.side_m
+        corners, size = self._corners(name, settings), settings.size_m
         if corners is None:
             return {"name": name, "corners": None, "paths": []}
-        matrix = _homography(corners, side)
+        matrix = _homography(corners, size)
 
         def pixels(metres: Float[Array, "n 2"]) -> list[list[float]]:
             return np.round(_mapped(np.linalg.inv(matrix), metres), 1).tolist()
 
-        ends = {"start": settings.start, "goal": settings.goal}
-        upright = [np.array([[x, 0], [x, side]]) for x in np.linspace(0, side, FIELDS + 1)[1:-1]]
+        shares = np.linspace(0, 1, FIELDS + 1)[1:-1]
+        upright = [np.array([[x, 0], [x, 1]]) for x in shares]
         paths = [rows for rows in self.recorded() if rows["scene"].iloc[0] == name]
         return {
             "name": name,
             "corners": corners.tolist(),
             "matrix": matrix.tolist(),
-            "grid": [pixels(line) for line in [*upright, *(line[:, ::-1] for line in upright)]],
-            "ends": {end: pixels(place[None])[0] for end, place in ends.items()},
-            "zones": {end: pixels(outline(np.stack([place] * 2), ENDS_WITHIN_M)) for end, place in ends.items()},
+            "grid": [pixels(line * size) for line in [*upright, *(line[:, ::-1] for line in upright)]],
             "paths": [_described(rows) | {"points": pixels(rows[["x", "y"]].to_numpy(float))} for rows in paths],
         }
 
@@ -112,7 +107,7 @@ class Recordings:
     def add_path(self, scene: str, user: str, valid: bool, samples: Samples) -> dict[str, Any]:
         """Store a path and return its demo, id and label; a path that is stored already is not stored twice.
 
-        samples: t [ms], column and row [px]. Raise InputError if they do not lead from start to goal.
+        samples: t [ms], column and row [px]. Raise InputError if no hand moves so.
         """
         user = _tidy_name(user)
         with self._lock:
@@ -176,25 +171,23 @@ class Recordings:
         """Return the outlines that the detector finds in a scene's picture, each with the most alike named kind."""
         from pipeline.own.seen import suggest  # torch takes seconds to import, and only this needs it
 
-        settings = self._settings()
-        told, pictures = {}, {}
-        for name in {*self._items(), scene}:
+        settings, stored = self._settings(), self._items()
+        told, pictures, matrices = {}, {}, {}
+        for name in {*stored, scene}:
             corners, path = self._corners(name, settings), self.picture(name)
             if corners is not None:
-                pictures[name] = rectify(files.read_picture(path, path.name), corners)
-                matrix = _homography(corners, 1)
-                stored = self._items().get(name, [])
-                told[name] = [Told(item.kind, [_mapped(matrix, np.array(item.points))]) for item in stored]
+                pictures[name] = rectify(files.read_picture(path, path.name), corners, settings.size_m)
+                matrix = matrices[name] = _homography(corners, settings.size_m / settings.size_m.max())
+                items = stored.get(name, [])
+                told[name] = [Told(item.kind, [_mapped(matrix, np.array(item.points))]) for item in items]
         if scene not in pictures:
             return {"found": []}
-        back = np.linalg.inv(_homography(self._corners(scene, settings), 1))
+        back = np.linalg.inv(matrices[scene])
         found = suggest(pictures, told, scene)
         return {"found": [{"kind": kind, "points": np.round(_mapped(back, ring), 1).tolist()} for kind, ring in found]}
 
     @as_sent
-    def place_table(
-        self, scene: str, everywhere: bool, corners: Corners | None, side_m: FiniteFloat, start: Point, goal: Point
-    ) -> None:
+    def place_table(self, scene: str, everywhere: bool, corners: Corners | None, size_m: Point) -> None:
         """Write table.yaml; corners [px] hold in `scene` or `everywhere`, and None leaves them as they are."""
         with self._lock:
             placed = self._settings().corners
@@ -210,7 +203,7 @@ class Recordings:
                 where = {"corners": {name: places.round(1).tolist() for name, places in placed.items()}}
             elif placed is not None:
                 where = {"corners": placed.round(1).tolist()}
-            files.check_settings(values := {"side_m": side_m, **where, "start": start, "goal": goal})
+            files.check_settings(values := {"size_m": size_m, **where})
             text = HEADER + yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
             self._write(SETTINGS, text)
 
@@ -273,14 +266,15 @@ class Recordings:
     def _corners(self, scene: str, settings: Settings) -> Float[Array, "4 2"] | None:
         """Return the corners [px] of the table in a scene's picture, or None if they are not known."""
         size, corners = self.picture_size(scene), settings.corners_of(scene)
-        return whole(*size) if corners is None and settings.rectified and files.is_square(*size) else corners
+        fits = settings.rectified and files.has_shape(*size, settings.size_m)
+        return whole(*size) if corners is None and fits else corners
 
     def _metres(self, scene: str, settings: Settings, points: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
         """Return pixels of a scene's picture as metres on the table."""
         corners = self._corners(scene, settings)
         if corners is None:
             raise InputError(f"the table's corners in scene {scene} are not known: mark them first")
-        return _mapped(_homography(corners, settings.side_m), points)
+        return _mapped(_homography(corners, settings.size_m), points)
 
 
 def _tidy_name(name: str) -> str:
@@ -295,9 +289,9 @@ def _tidy_name(name: str) -> str:
     return name
 
 
-def _homography(corners: Float[Array, "4 2"], side_m: float) -> Float[Array, "3 3"]:
+def _homography(corners: Float[Array, "4 2"], size_m: Float[Array, "2"]) -> Float[Array, "3 3"]:
     """Return the matrix from a picture's pixels to metres on the table, whose near left corner is (0, 0)."""
-    table = side_m * np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
+    table = size_m * np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
     matrix = cv2.getPerspectiveTransform(corners.astype(np.float32), table.astype(np.float32))
     depth = corners.mean(axis=0) @ matrix[2, :2] + matrix[2, 2]
     return matrix * np.sign(depth)  # depths are positive on this side of the table's horizon

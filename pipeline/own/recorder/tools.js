@@ -4,33 +4,18 @@ import { dot, stroke, write } from "/static/canvas.js";
 export class PathTool {
   continuous = true;
 
-  constructor(current, say, changed) { // `current` returns {scene, overview}
-    Object.assign(this, { current, say, changed });
+  constructor(least, say, changed) { // `least`: samples of a path
+    Object.assign(this, { least, say, changed });
     this.samples = []; // [t in ms, column, row]
     this.state = "empty"; // empty, drawing, drawn, refused
   }
 
   get busy() { return this.state === "drawing"; }
 
-  home() { return [...this.current().scene.ends.start]; }
-
-  isOff(point, place) { // the distance [m] from start or goal if it is too large, else 0
-    const { scene, overview } = this.current();
-    const [x, y] = metres(scene.matrix, point);
-    const distance = Math.hypot(x - overview[place][0], y - overview[place][1]);
-    return distance <= overview.ends_within_m ? 0 : distance;
-  }
-
   press(point, t) {
-    const off = this.isOff(point, "start");
-    if (off) {
-      const rest = this.state === "drawn" ? " The drawn path waits for your judgement." : "";
-      this.say(`Begin inside the circle at Start: that was ${cm(off)} away.${rest}`, "bad");
-      return;
-    }
     this.samples = [[t, ...point]];
     this.turn("drawing");
-    this.say("Draw to the goal, and let go inside its circle.");
+    this.say("Let go where the path ends.");
   }
 
   move(point, t) {
@@ -40,9 +25,7 @@ export class PathTool {
   release(point, t) {
     if (this.state !== "drawing") return;
     this.samples.push([t, ...point]);
-    const off = this.isOff(point, "goal");
-    if (off) this.refuse(`The path ends ${cm(off)} from the goal: it is not stored. Draw it again.`);
-    else if (this.samples.length < this.current().overview.min_samples) this.refuse("That was too quick for a path. Draw it slower.");
+    if (this.samples.length < this.least) this.refuse("That was too quick for a path. Draw it slower.");
     else {
       this.turn("drawn");
       const seconds = (this.samples.at(-1)[0] - this.samples[0][0]) / 1000;
@@ -56,7 +39,7 @@ export class PathTool {
   }
 
   cancel() {
-    if (this.state === "drawing" || this.state === "drawn") this.say("Discarded. Draw another path from Start to Goal.");
+    if (this.state === "drawing" || this.state === "drawn") this.say("Discarded. Draw another path.");
     this.clear();
   }
 
@@ -76,19 +59,17 @@ export class PathTool {
   }
 }
 
-export class PointTool {
+export class PointTool { // marks the table's four corners; `changed` is told of each
   continuous = false;
   busy = false;
 
-  constructor(count, done, changed) { // `done` gets the points once there are `count`
-    Object.assign(this, { count, done, changed });
+  constructor(changed) {
+    this.changed = changed;
     this.points = [];
   }
 
-  home() { return null; }
-
   press(point) {
-    if (this.points.length === this.count) this.points = [];
+    if (this.points.length === 4) this.points = [];
     this.points.push(point);
     this.dragging = true;
   }
@@ -101,7 +82,6 @@ export class PointTool {
     if (!this.dragging) return;
     this.dragging = false;
     this.points[this.points.length - 1] = point;
-    if (this.points.length === this.count) this.done(this.points);
     this.changed();
   }
 
@@ -129,8 +109,6 @@ export class OutlineTool { // outlines items: click to propose, accept or choose
     this.unit = 1;
     this.history = [];
   }
-
-  home() { return null; }
 
   keep() { this.history.push(structuredClone(this.items)); }
 
@@ -219,13 +197,4 @@ function within(points, [x, y]) {
     if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
   });
   return inside;
-}
-
-export function metres(homography, [x, y]) {
-  const [u, v, w] = homography.map(([a, b, c]) => a * x + b * y + c);
-  return w > 0 ? [u / w, v / w] : [Infinity, Infinity]; // beyond the horizon
-}
-
-function cm(length) {
-  return Number.isFinite(length) ? `${Math.round(100 * length)} cm` : "far";
 }

@@ -1,0 +1,118 @@
+"""What a report says, in the files that planners read: a specification, keep-out masks, repaired paths in a bag.
+
+specification.yaml: for each user, the distance kept from each kind, how sure that is, and what was never tested.
+keep_out/: for each scene and user a mask of Nav2's map server; black where the model rejects standing.
+repaired/: a ROS 2 bag with a nav_msgs/Path for each repaired path, if rosbags is installed.
+"""
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from jaxtyping import Bool, Float
+from numpy import ndarray as Array
+
+from pipeline.own.fitting import VARIANT, Fitted
+from pipeline.own.results import Results
+from pipeline.stats.scores import DECISION
+
+SPECIFICATION, MASKS, BAG = "specification.yaml", "keep_out", "repaired"
+ENDS = "ci_low", "ci_high"  # columns of an interval
+FIELDS = 50  # of a mask, along the table's longer side
+STANDING_M = 1e-3  # length of the path by which a place is asked [m of the model]
+OCCUPIED, FREE = 0, 254  # grey of a mask's fields, as Nav2 reads them
+PATH, STAMPED = "nav_msgs/msg/Path", "geometry_msgs/msg/PoseStamped"
+
+
+def write_exports(results: Results, folder: Path) -> None:
+    """Write all of them into a folder."""
+    text = yaml.safe_dump(specification(results), sort_keys=False, allow_unicode=True)
+    (folder / SPECIFICATION).write_text("# Lengths in metres. docs/own-tables.md says what each line is.\n" + text)
+    (folder / MASKS).mkdir()
+    for number, (user, fitted) in enumerate(results.fitted.items(), 1):
+        for scene, name in enumerate(results.folder.scenes, 1):
+            stem = folder / MASKS / f"user_{number}-scene_{scene}"
+            _write_mask(stem, keep_out(fitted, results, name), max(results.folder.frame.size_m), f"{user}, {name}")
+    if importlib.util.find_spec("rosbags"):
+        _write_bag(folder / BAG, results)
+
+
+def specification(results: Results) -> dict[str, Any]:
+    """Return what is known of each user, in plain types."""
+    named = {kind for items in results.folder.told.values() for kind, *_ in items if kind}
+    return {"users": {user: _of_user(results, user, named) for user in results.fitted}}
+
+
+def _of_user(results: Results, user: str, named: set[str]) -> dict[str, Any]:
+    def interval(row: Any, name: str) -> dict[str, Any]:
+        return {name: round(float(row[name]), 4), "interval_95": [round(float(row[end]), 4) for end in ENDS]}
+
+    scores = results.tables["scores"]
+    own = scores[(scores["user"] == user) & (scores["predictor"] == VARIANT) & (scores["share"] == 1)].iloc[0]
+    said: dict[str, Any] = {"demonstrations": int(own["demonstrations"]), "scenes": int(own["scenes"])}
+    said["sure"] = interval(own, "accuracy") | {"invalid_paths_accepted": round(float(own["missed"]), 4)}
+    kinds: dict[str, Any] = {}
+    if "interventions" in results.tables:
+        asked, kept = (results.tables[name].set_index(["user", "kind"]) for name in ("interventions", "distances"))
+        for kind in results.added:
+            kinds[kind] = {"verdict": str(asked.loc[(user, kind), "verdict"])}
+            kinds[kind] |= interval(asked.loc[(user, kind)], "effect")
+            if (user, kind) in kept.index:
+                kinds[kind]["keep_away"] = interval(kept.loc[(user, kind)], "radius_m")
+    return said | {"kinds": kinds, "never_tested": sorted(named - kinds.keys())}
+
+
+def keep_out(fitted: Fitted, results: Results, scene: str) -> Bool[Array, "row column"]:
+    """Return where the model rejects standing on a table, row 0 at the far edge; the model is the one of all scenes."""
+    width, depth = (
+        max(1, round(FIELDS * each / max(results.folder.frame.size_m))) for each in results.folder.frame.size_m
+    )
+    x, y = np.meshgrid((np.arange(width) + 0.5) / FIELDS, (np.arange(depth)[::-1] + 0.5) / FIELDS)
+    places = np.stack([x, y], -1).reshape(1, -1, 1, 2)
+    standing = np.concatenate([places, places + np.array([STANDING_M, 0])], axis=2)
+    seen = results.folder.seen.objects[[results.folder.scenes.index(scene)]]
+    return (fitted.model.probability(seen, standing)[0] <= DECISION).reshape(depth, width)
+
+
+def _write_mask(stem: Path, mask: Bool[Array, "row column"], side_m: float, title: str) -> None:
+    """Write a mask as PGM with the yaml of Nav2's map server; its origin is the table's near left corner."""
+    grey = np.where(mask, OCCUPIED, FREE).astype(np.uint8)
+    stem.with_suffix(".pgm").write_bytes(cv2.imencode(".pgm", grey)[1].tobytes())
+    told = {"image": f"{stem.name}.pgm", "mode": "trinary", "resolution": side_m / FIELDS, "origin": [0.0, 0.0, 0.0]}
+    told |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
+    text = yaml.safe_dump(told, sort_keys=False)
+    stem.with_suffix(".yaml").write_text(f"# {''.join(c if c.isprintable() else '?' for c in title)}\n{text}")
+
+
+def _write_bag(folder: Path, results: Results) -> None:
+    """Write each repaired path in frame `table` on its user's topic; its stamp is its row in tables/repaired.csv."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types: Any = store.types
+
+    def header(second: int) -> Any:
+        stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
+        return types["std_msgs/msg/Header"](stamp=stamp, frame_id="table")
+
+    def pose(point: Float[Array, "2"], second: int) -> Any:
+        place = types["geometry_msgs/msg/Point"](x=float(point[0]), y=float(point[1]), z=0.0)
+        turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
+        return types[STAMPED](
+            header=header(second), pose=types["geometry_msgs/msg/Pose"](position=place, orientation=turn)
+        )
+
+    with Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP) as bag:
+        topics = {
+            user: bag.add_connection(f"/repaired/user_{number}", PATH, typestore=store)
+            for number, user in enumerate(results.fitted, 1)
+        }
+        for second, row in enumerate(results.tables["repaired"].itertuples(), 2):  # as a spreadsheet counts
+            points = results.repaired_paths(str(row.user), str(row.scene)).get(str(row.demo))
+            if points is not None:
+                message = types[PATH](header=header(second), poses=[pose(point, second) for point in points])
+                bag.write(topics[str(row.user)], second * 1_000_000_000, store.serialize_cdr(message, PATH))
