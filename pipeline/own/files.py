@@ -41,7 +41,7 @@ SQUARE_WITHIN = 0.02  # a picture of just the table is square within this share
 DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
 _one_decoder = Lock()  # as it takes descriptor 2
 
-KNOWN = ("side_m", "corners", "rectified", "start", "goal")
+KNOWN = ("side_m", "corners", "rectified", "start", "goal", "import")
 MIN_APART = 0.2  # smallest distance from start to goal, relative to the table's side
 MIN_TABLE_PX = 50  # shortest side of the table in a picture
 SIDES_M = (0.1, 10.0)  # side of a table [m]
