@@ -20,9 +20,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.images import PNG_SIGNATURE
 
 BAGS, TEXTS = (".mcap", ".db3", ".bag"), (".csv", ".tsv", ".txt")
-HEADER = (
-    "# Written by the import. docs/own-tables.md says what each line is, docs/import.md what stands below `import`.\n"
-)
+HEADER = "# docs/own-tables.md says what each line is, docs/import.md what stands below `import`.\n"
 Read = Callable[[Path, Choices], tuple[list[Recording], Choices, list[str]]]
 
 
@@ -30,9 +28,7 @@ def main(arguments: Sequence[str]) -> int:
     """Import logs as the command line says; return 0. Raise InputError, with nothing written, if one cannot be used."""
     parser = argparse.ArgumentParser("python -m pipeline.own import", description="Make a folder from logs.")
     parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="ROS bag, LeRobot data set or csv file")
-    parser.add_argument(
-        "folder", type=Path, metavar="FOLDER", help="new, or with table.yaml alone, whose `import` holds"
-    )
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="new, or with table.yaml alone, which then holds")
     parser.add_argument("--topic", help="of the poses, in a bag")
     parser.add_argument("--hand", metavar="FRAME", help="TF frame that moves, instead of a topic")
     parser.add_argument("--frame", help="TF frame of the table: its near left corner, x right, y away from the person")
@@ -41,7 +37,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--columns", metavar="x=NAME,y=NAME,t=NAME", help="in a csv file or a data set")
     parser.add_argument("--user", default="me", help="whose demonstrations they are, where the log names nobody")
     options = {name: value for name, value in vars(parser.parse_args(arguments)).items() if value is not None}
-    logs, folder, user = (options.pop(name) for name in ("logs", "folder", "user"))
+    logs, folder, user = options.pop("logs"), options.pop("folder").resolve(), options.pop("user")
     if "columns" in options:
         options["columns"] = dict(one.partition("=")[::2] for one in options["columns"].split(","))
     held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
@@ -56,6 +52,8 @@ def main(arguments: Sequence[str]) -> int:
             parts, choices, remarks = read(log, choices)
         recordings += parts
         notes += [f"{log}: {remark}" for remark in dict.fromkeys(remarks)]
+    if not recordings:
+        raise InputError("the logs hold no recording: expected at least one")
     for recording in recordings:
         check_times(recording)
     middle, closed = grip(recordings) if choices.gripper else (0.0, None)
@@ -95,9 +93,7 @@ def _reader(log: Path) -> Read:
     else:
         cut_off = any(file.suffix in BAGS for file in log.glob("*"))
         why = "has no metadata.yaml, which `ros2 bag reindex` writes" if cut_off else "is missing, or of another kind"
-        kinds = (
-            f"a ROS bag (a folder with metadata.yaml, or {', '.join(BAGS)}), a LeRobot data set, or {', '.join(TEXTS)}"
-        )
+        kinds = f"a ROS bag (its folder, or {', '.join(BAGS)}), a LeRobot data set, or {', '.join(TEXTS)}"
         raise InputError(f"{log} {why}: expected {kinds}")
     return read
 
@@ -141,9 +137,7 @@ def _write(
         totals[recording.name] += len(parts)
     if not totals.total():
         used = choices.model_dump_json(exclude_none=True)
-        raise InputError(
-            f"no movement is {MIN_PATH_M:g} m long: correct unit, topic, columns, gripper or segments of {used}"
-        )
+        raise InputError(f"no movement is {MIN_PATH_M:g} m long: correct unit, topic, columns or segments of {used}")
     for recording, places, parts in zip(recordings, metres, runs, strict=True):
         with _readable(f"a picture of {recording.name}"):
             for rows, picture in zip(parts, recording.pictures([int(part[0]) for part in parts]), strict=True):
@@ -162,14 +156,14 @@ def _write(
     table = pd.concat(tables)[COLUMNS[DEMONSTRATIONS]]
     table.to_csv(folder / DEMONSTRATIONS, index=False, lineterminator="\n")
     (left, near), (right, far) = table[["x", "y"]].min(), table[["x", "y"]].max()
-    open_ = len(table[table["valid"] == ""].drop_duplicates(KEY))
+    unlabelled = len(table[table["valid"] == ""].drop_duplicates(KEY))
     notes = {
         f"{len(tables)} demonstrations, x from {left:g} to {right:g} m, y from {near:g} to {far:g} m": True,
         f"these leave the table of {side_m:g} m: correct side_m, unit, origin, turn_deg or y": (
             min(left, near) < 0 or max(right, far) > side_m
         ),
         f"{len(bare)} scenes have no picture: add {SCENES}/{min(bare, default='')}.jpg, and so on": len(bare) > 0,
-        f"{open_} demonstrations have no label: write true or false into column valid of {DEMONSTRATIONS}, in each of "
-        "their rows; check and record refuse the folder until then": open_ > 0,
+        f"{unlabelled} demonstrations have no label: write true or false into column valid of {DEMONSTRATIONS}, in "
+        "each of their rows; check and record refuse the folder until then": unlabelled > 0,
     }
     return [note for note, holds in notes.items() if holds]

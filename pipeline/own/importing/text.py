@@ -14,13 +14,9 @@ from pipeline.runtime.errors import InputError
 DELIMITERS = ("\t", ";", ",", "|", " ")
 HEADER_LINES = 50  # the header is looked for in so many lines: programs write remarks above it
 UNIT = r"[\s_]*[\[(]?(?P<unit>mm|cm|m)?[\])]?"
-X = re.compile(
-    rf"(?:.*[\s._/:-]|.*pos(?:ition)?)?[tp]?(?P<x>x)(?:[\s._-]*(?:pos|position|coord|coordinate))?{UNIT}", re.I
-)
+X = re.compile(rf"(?:.*[\s._/:-]|.*pos(?:ition)?)?[tp]?(?P<x>x)(?:[\s._-]*(?:pos|coord)\w*)?{UNIT}", re.I)
 NO_PLACE = re.compile(r"orient|rot|quat|vel|twist|ang|force|acc|std|cov", re.I)  # other columns with x and y
-T = re.compile(
-    r"(?:.*[\s._/:%-])?(?:t|time|timestamp|stamp|secs?|seconds)[\s_]*[\[(]?(?P<unit>s|ms|us|ns)?[\])]?", re.I
-)
+T = re.compile(r"(?:.*[\s._/:%-])?(?:t|time|(?:time)?stamp|sec\w*)[\s_]*[\[(]?(?P<unit>s|ms|us|ns)?[\])]?", re.I)
 TIMES = {"s": (1.0, 0.9), "ms": (1e-3, 900.0), "us": (1e-6, 9e5), "ns": (1e-9, np.inf)}  # seconds; largest usual step
 LABELS = ("scene", "user", "demo", "valid")
 LOST = ("", "nan", "null", "none", "-")  # cells, in lower case, where a tracker saw nothing
@@ -100,6 +96,4 @@ def _header(path: Path, lines: list[str], choices: Choices) -> tuple[int, str, l
                     raise InputError(f"{path.name} has no times among {', '.join(names)}: choose by --columns t=NAME")
                 return number, delimiter, names, columns
     expected = ", ".join(chosen.values()) or "names such as t, x, y"
-    raise InputError(
-        f"{path.name} begins with {lines[:1]}: expected a header with {expected}; see --columns, --gripper"
-    )
+    raise InputError(f"{path.name} begins with {lines[:1]}: expected a header with {expected}; see --columns")

@@ -83,6 +83,12 @@ def no_state(path: Path) -> Path:
     return log
 
 
+def empty(path: Path) -> Path:
+    log = lerobot(info=lambda info: info.update(total_episodes=0))(path)
+    shutil.rmtree(log / "data")
+    return log
+
+
 def short_video(path: Path) -> Path:
     """The video of all episodes is the one of the first alone."""
     log = lerobot()(path)
@@ -141,11 +147,12 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("gripper that stays", more(CLOSED), "--gripper /grip", "opens and closes"),
     ("gripper of poses", poses(), "--gripper /hand", "TOPIC:JOINT"),
     ("no movement", poses(lambda given: given[:50]), "", "no movement is 0.1 m long"),
-    ("no info", lambda path: lerobot()(path) / "meta", "", "another kind"),
+    ("a part of a data set", lambda path: lerobot()(path) / "meta", "", "another kind"),
     ("old format", lerobot(info=lambda info: info.update(codebase_version="v1.6")), "", "v1.6"),
     ("two cameras", lerobot(info=second_camera), "", "images.top, observation.images.wrist"),
     ("a column that is not there", lerobot(), "--columns x=px,y=py", "px, py among them"),
     ("info without features", lerobot(info=lambda info: info.pop("features")), "", "KeyError: 'features'"),
+    ("a data set without episodes", empty, "", "no recording"),
     ("parquet without the columns", no_state, "", "no column observation.state"),
     ("truncated parquet", cut(lerobot(), "data/*/*"), "", "truncated"),
     ("an episode is missing", without(lerobot("v21"), "*1.parquet"), "", "lacks 1 of 3 episodes, the first 1"),
