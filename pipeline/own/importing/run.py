@@ -71,7 +71,8 @@ def main(arguments: Sequence[str]) -> int:
         (staged / SCENES).mkdir(parents=True)
         notes += _write(staged, recordings, choices, middle, side_m, user)
         if not held:
-            (staged / SETTINGS).write_text(f"{HEADER}side_m: {side_m:g}  # of the square table [m]\n{section}", "utf-8")
+            text = f"{HEADER}side_m: {side_m:g}  # of the square table [m]\n{section}"
+            (staged / SETTINGS).write_text(text, encoding="utf-8")
         folder.mkdir(parents=True, exist_ok=True)
         for path in sorted(staged.iterdir(), reverse=True):  # demonstrations.csv last
             path.rename(folder / path.name)
