@@ -126,7 +126,7 @@ lint: $(READY)  ## format and lint in place
 
 lock: $(READY)  ## pin pyproject.toml's dependencies anew
 	$(COMPILE) -o requirements.lock pyproject.toml
-	$(COMPILE) --extra dev --extra record -c requirements.lock -o requirements-dev.lock pyproject.toml
+	$(COMPILE) --extra dev --extra import --extra record -c requirements.lock -o requirements-dev.lock pyproject.toml
 	$(COMPILE) --extra robot -c requirements-dev.lock -o requirements-robot.lock pyproject.toml
 	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock requirements-robot.lock  # either build will do
 

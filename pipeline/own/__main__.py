@@ -3,6 +3,7 @@
 python -m pipeline.own FOLDER           check the folder, fit a model to each user, write FOLDER/report/index.html
 python -m pipeline.own check FOLDER     only explain what is wrong with it
 python -m pipeline.own record FOLDER    a local page on which people draw paths and judge them
+python -m pipeline.own import LOG FOLDER    a new folder from a ROS bag, a LeRobot data set or a csv file
 """
 
 import sys
@@ -20,6 +21,13 @@ def main(arguments: list[str]) -> int:
         except ModuleNotFoundError as error:
             raise InputError(f"the recorder needs {error.name}: pip install 'causal-specifications[record]'") from error
         return record(arguments[1:])
+    if arguments[:1] == ["import"]:
+        try:
+            from pipeline.own.importing.run import main as import_logs
+
+            return import_logs(arguments[1:])
+        except ModuleNotFoundError as error:
+            raise InputError(f"the import needs {error.name}: pip install 'causal-specifications[import]'") from error
     if {"-h", "--help"} & set(arguments) or not arguments:
         print(__doc__)
         return 0 if arguments else 2

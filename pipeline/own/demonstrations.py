@@ -36,6 +36,9 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
         faults.append(f"{file} has no row below its header: expected demonstrations")
     if samples is None or len(faults) > before:
         return None
+    bare = samples[samples["valid"] == ""].drop_duplicates(KEY)
+    judge = f"has no label: judge it with `python -m pipeline.own record {path}`, or write true or false"
+    faults.rows(file, bare, f"demonstration ({{scene}}, {{user}}, {{demo}}) {judge}")
     valid, name = samples["valid"].str.lower() == "true", samples["scene"].str.cat(samples[KEY[1:]], sep=", ")
     samples = samples.assign(valid=valid, name=name).sort_values(KEY, kind="stable")
     check_paths(samples, settings, faults)

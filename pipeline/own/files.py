@@ -41,7 +41,7 @@ SHAPE_WITHIN = 0.02  # a picture of just the table has the table's shape within 
 DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
 _one_decoder = Lock()  # as it takes descriptor 2
 
-KNOWN = ("size_m", "corners", "rectified")
+KNOWN = ("size_m", "corners", "rectified", "import")
 MIN_TABLE_PX = 50  # shortest side of the table in a picture
 SIDES_M = (0.1, 10.0)  # side of a table [m]
 ORDER = "far left, far right, near right, near left"
@@ -115,8 +115,8 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
 def read_checked(path: Path, scenes: Collection[str] | None, faults: Faults) -> pd.DataFrame | None:
     """Return the COLUMNS of a file of this name, numbers as such, or None if it cannot be read.
 
-    Add a fault for names that cannot be printed, scenes other than `scenes` if there are any, words other than true and
-    false, and cells that hold no number: they become NaN.
+    Add a fault for names that cannot be printed, scenes other than `scenes` if there are any, words other than true,
+    false and none, and cells that hold no number: they become NaN.
     """
     file, columns = path.name, COLUMNS[path.name]
     try:
@@ -130,7 +130,8 @@ def read_checked(path: Path, scenes: Collection[str] | None, faults: Faults) -> 
     table = text.copy()
     for column, cells in text.items():
         if column == "valid":
-            right, expected = cells.str.lower().isin(["true", "false"]), "true or false"
+            right = cells.str.lower().isin(["true", "false", ""])
+            expected = "true, false, or nothing where nobody judged"
         elif column in WORDS:
             printable = cells.map(lambda name: bool(name) and is_printable(name))
             right, expected = printable.astype(bool), "a name of letters, digits and signs"

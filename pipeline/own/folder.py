@@ -233,10 +233,10 @@ def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.Data
 
     Columns: degree, demonstrations, left_out_m (root mean square distance, averaged over demonstrations), error (its
     standard error; both in metres on the table) and chosen: the lowest degree within one standard error of the best.
-    Each path is cut into BLOCKS parts, of which every other one is left out, in turn. Without paths of enough samples
-    the lowest degree is chosen.
+    Each path is cut into BLOCKS parts, of which every other one is left out, in turn. Without two
+    paths of enough samples the lowest degree is chosen.
     """
-    long = [points for points in hands if len(points) >= 2 * (max(DEGREES) + 2)]
+    long = [points for points in hands if len(points) >= 4 * max(DEGREES)]
     tried = [long[i] for i in np.linspace(0, len(long) - 1, min(TRIED, len(long))).astype(int)]
     away = np.array([[_left_out(points, degree) for degree in DEGREES] for points in tried]).reshape(-1, len(DEGREES))
     table = pd.DataFrame({"degree": DEGREES, "demonstrations": len(tried)})

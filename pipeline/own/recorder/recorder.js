@@ -116,14 +116,38 @@ function start() {
   board.redraw();
 }
 
+const unjudged = () => (step === "paths" && scene?.paths.filter(path => path.valid === null)) || [];
+
 function startPaths() {
   board.tool = new PathTool(overview.min_samples, say, showButtons);
   say(user ? `Draw a path for ${user}: press where it begins, let go where it ends.` : "Add the name of the person who judges, then draw a path.");
+  tellUnjudged();
+}
+
+function tellUnjudged() {
+  const [first, ...rest] = unjudged();
+  if (first) say(`A stored path of ${first.user} waits, yellow: is it valid? ${rest.length ? `${rest.length} more after it.` : ""}`);
+}
+
+async function judgeStored(path, valid) {
+  sending = true;
+  await attempt(async () => {
+    await ask("/api/judge", { id: path.id, valid });
+    await refresh();
+    say(`Stored: path ${path.demo} of ${path.user}, ${valid ? "valid" : "not valid"}.`, "good");
+    tellUnjudged();
+  });
+  sending = false;
+  showButtons();
 }
 
 async function judge(valid) {
   const tool = board.tool;
-  if (!waiting() || sending) return;
+  if (sending) return;
+  if (!waiting()) {
+    if (unjudged().length) await judgeStored(unjudged()[0], valid);
+    return;
+  }
   if (!user) {
     say("Say first who judges: add a name.", "bad");
     $("user-name").focus();
@@ -152,11 +176,12 @@ async function undo() {
   showButtons();
 }
 
-const ownPaths = () => scene?.paths.filter(path => path.user === user) ?? [];
+const ownPaths = () => scene?.paths.filter(path => path.user === user && path.valid !== null) ?? [];
 
 function showButtons() {
   const drawn = waiting() && !sending;
-  for (const id of ["valid", "invalid", "discard"]) $(id).disabled = !drawn;
+  $("discard").disabled = !drawn;
+  for (const id of ["valid", "invalid"]) $(id).disabled = !drawn && (sending || !unjudged().length);
   $("undo").disabled = sending || !ownPaths().length;
 }
 
@@ -230,7 +255,7 @@ function startTable() {
   const form = $("table-form").elements;
   ["width", "depth"].forEach((side, i) => { $(side).value = overview.size_m[i]; });
   form.holds.value = overview.for_each_scene ? "one" : "all";
-  const paths = Object.values(overview.counts).flatMap(Object.values).reduce((sum, count) => sum + count.valid + count.invalid, 0);
+  const paths = Object.values(overview.counts).flatMap(Object.values).reduce((sum, count) => sum + count.valid + count.invalid + count.unjudged, 0);
   $("kept").textContent = paths ? `${paths} paths are stored in metres of the table as it was. Moving it now does not move them.` : "";
   board.tool = new PointTool(tellCorner);
   tellCorner();
@@ -270,6 +295,7 @@ function drawScene(context, unit) {
   if (!scene?.corners) return;
   if (step === "table") for (const line of scene.grid) stroke(context, unit, line, "#ffffff", { width: 0.75, alpha: 0.5 });
   stroke(context, unit, scene.corners, "#ffffff", { closed: true, width: 1.5, alpha: 0.8 });
+  if (unjudged().length) stroke(context, unit, unjudged()[0].points, "#f0e442");
   if (step === "paths" && $("earlier").checked) for (const path of ownPaths())
     stroke(context, unit, path.points, overview.colours[path.valid ? "valid" : "invalid"], { dashed: !path.valid, alpha: 0.75, width: 2.5 });
 }
@@ -310,7 +336,7 @@ function choose(name) {
 
 function showCounts() {
   const users = overview.users;
-  const number = count => (count ? `${count.valid} + ${count.invalid}` : "–");
+  const number = count => (count ? `${count.valid} + ${count.invalid}${count.unjudged ? `, ${count.unjudged} to judge` : ""}` : "–");
   const head = element("tr", null);
   head.append(element("th", "Scene", { scope: "col" }));
   for (const name of users) head.append(element("th", name, { scope: "col" }));

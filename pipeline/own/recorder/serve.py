@@ -143,6 +143,7 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
             posted("items", recordings.place_items),
             posted("paths", recordings.add_path),
             posted("table", recordings.place_table),
+            posted("judge", recordings.judge),
             posted("remove", recordings.remove),
         ],
         middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],

@@ -56,8 +56,8 @@ class Recordings:
         paths = self._table().drop_duplicates(KEY)
         counts: dict[str, dict[str, dict[str, int]]] = {scene: {} for scene in scenes}
         for scene, user, word in zip(paths["scene"], paths["user"], paths["valid"], strict=True):
-            count = counts.setdefault(scene, {}).setdefault(user, {"valid": 0, "invalid": 0})
-            count["valid" if word.lower() == "true" else "invalid"] += 1
+            count = counts.setdefault(scene, {}).setdefault(user, {"valid": 0, "invalid": 0, "unjudged": 0})
+            count[{"true": "valid", "": "unjudged"}.get(word.lower(), "invalid")] += 1
         return {
             "folder": self.folder.resolve().name,
             "scenes": scenes,
@@ -128,6 +128,17 @@ class Recordings:
                     return _described(path)
             self._write_paths(self._table(), rows)
             return _described(rows)
+
+    @as_sent
+    def judge(self, id: str, valid: bool) -> None:
+        """Label a stored path that nobody judged; raise InputError if it is not there as the page saw it."""
+        with self._lock:
+            rows = next((rows for rows in self.recorded() if _identity(rows) == id), None)
+            if rows is None or rows["valid"].iloc[0]:
+                raise InputError("this path has been judged or removed already")
+            table = self._table().copy()
+            table.loc[rows.index, "valid"] = "true" if valid else "false"
+            self._write_paths(table)
 
     @as_sent
     def remove(self, id: str) -> None:
@@ -203,7 +214,11 @@ class Recordings:
                 where = {"corners": {name: places.round(1).tolist() for name, places in placed.items()}}
             elif placed is not None:
                 where = {"corners": placed.round(1).tolist()}
-            files.check_settings(values := {"size_m": size_m, **where})
+            values = {"size_m": size_m, **where}
+            if (written := self.folder / SETTINGS).is_file():
+                content = yaml.safe_load(written.read_text(encoding="utf-8")) or {}
+                values |= {name: content[name] for name in ("import",) if name in content}
+            files.check_settings(values)
             text = HEADER + yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
             self._write(SETTINGS, text)
 
@@ -306,7 +321,7 @@ def _mapped(matrix: Float[Array, "3 3"], points: Float[Array, "n 2"]) -> Float[A
 
 def _described(rows: pd.DataFrame) -> dict[str, Any]:
     user, demo, word = rows[["user", "demo", "valid"]].iloc[0]
-    return {"id": _identity(rows), "user": user, "demo": demo, "valid": word.lower() == "true"}
+    return {"id": _identity(rows), "user": user, "demo": demo, "valid": word.lower() == "true" if word else None}
 
 
 def _identity(rows: pd.DataFrame) -> str:

@@ -79,6 +79,19 @@ def test_a_path_sent_twice_is_stored_once_and_undo_removes_it_and_no_other_of_it
     assert not stored(recordings)["valid"].any()
 
 
+def test_a_path_that_nobody_judged_is_judged_once_in_all_of_its_rows(recordings: Recordings):
+    draw(recordings)
+    file = recordings.folder / "demonstrations.csv"
+    file.write_text(file.read_text().replace(",true", ","))
+    assert recordings.overview()["counts"]["first"]["Zoë"]["unjudged"] == 1
+    (path,) = recordings.scene("first")["paths"]
+    assert path["valid"] is None
+    recordings.judge(path["id"], False)
+    assert not stored(recordings)["valid"].any()
+    with pytest.raises(InputError, match="judged or removed already"):
+        recordings.judge(path["id"], True)
+
+
 def test_corners_of_one_picture_leave_those_of_the_others_and_crossing_ones_are_refused(recordings: Recordings):
     before, crossed = (recordings.folder / "table.yaml").read_text(), np.array(CORNERS, float)[[0, 2, 1, 3]].tolist()
     with pytest.raises(InputError, match="convex"):

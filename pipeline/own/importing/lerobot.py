@@ -1,0 +1,102 @@
+"""Read LeRobot data sets of formats v2 and v3: columns from parquet, a demonstration's picture from video."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import av  # pyright: ignore[reportMissingImports]
+import cv2
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy import ndarray as Array
+
+from pipeline.own.importing.segments import Choices, Recording
+from pipeline.own.importing.text import pair
+from pipeline.runtime.errors import InputError
+
+STATE = "observation.state"  # the feature whose columns need not be named in full
+
+
+def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[str]]:
+    """Return the episodes, the choices with what was found, and remarks; InputError for an unusable data set."""
+    info = json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))
+    version, features, count = info["codebase_version"], info["features"], info["total_episodes"]
+    if not version.startswith(("v2.", "v3.")):
+        raise InputError(f"{path} has the format {version}: expected v2.0, v2.1 or v3.0; convert it by LeRobot")
+    cameras = [key for key, one in features.items() if one["dtype"] == "video"]
+    if choices.picture not in (None, *cameras) or (choices.picture is None and len(cameras) > 1):
+        raise InputError(f"{path} has the cameras {', '.join(cameras) or 'none'}: choose one of them by --picture")
+    names = {f"{key}.{name}": (key, i) for key, one in features.items() for i, name in enumerate(_names(one))}
+    columns = {**(choices.columns or {}), **({"gripper": choices.gripper} if choices.gripper else {})}
+    if "x" not in columns:
+        columns |= pair([name for name in names if name.startswith(STATE)]) or pair(names)
+    places = {role: names.get(name) or names.get(f"{STATE}.{name}") for role, name in columns.items() if role != "t"}
+    if not {"x", "y"} <= places.keys() or None in places.values():
+        lacking = ", ".join(columns[role] for role, place in places.items() if place is None) or "no x and y"
+        known = f"{path} has the columns {', '.join(names) or 'without names'}: {lacking} among them"
+        raise InputError(f"{known}; choose by --columns x=NAME,y=NAME and --gripper NAME")
+    camera = choices.picture or next(iter(cameras), None)
+    videos = _videos(path, info, camera) if camera else None
+    recordings: dict[int, Recording] = {}
+    for file in sorted(path.glob("data/*/*.parquet")):
+        table = _parquet(file, ["episode_index", "timestamp", *(key for key, _ in filter(None, places.values()))])
+        for episode in np.unique(table["episode_index"]).astype(int).tolist():
+            rows = table["episode_index"][:, 0] == episode
+            values = {role: table[place[0]][rows, place[1]] for role, place in places.items() if place}
+            t, xy = table["timestamp"][rows, 0], np.stack([values["x"], values["y"]], -1)
+
+            def pictures(at: Sequence[int], t: Array = t, episode: int = episode) -> Iterator[bytes | None]:
+                return (_frame(*videos[episode], float(t[row])) if videos else None for row in at)
+
+            name = f"{path.resolve().name}-{episode:03d}"
+            recordings[episode] = Recording(name, t, xy, values.get("gripper"), True, {}, pictures)
+    if missing := {*range(count)} - recordings.keys():
+        raise InputError(f"{path} lacks {len(missing)} of {count} episodes, the first {min(missing)}: copy it again")
+    return list(recordings.values()), choices.model_copy(update={"columns": columns, "picture": camera}), []
+
+
+def _names(feature: dict[str, Any]) -> list[str]:
+    """Return the names of a vector's columns; some robots put them into groups."""
+    names = feature.get("names") or []
+    names = [name for group in names.values() for name in group] if isinstance(names, dict) else names
+    return [] if feature["dtype"] in ("video", "image") else names
+
+
+def _parquet(file: Path, keys: Sequence[str]) -> dict[str, Array]:
+    """Return columns of a parquet file as matrices (row, value)."""
+    if missing := {*keys} - {*pq.read_schema(file).names}:
+        raise InputError(f"{file} has no column {', '.join(sorted(missing))}: copy it again, or see --columns")
+    table = pq.read_table(file, columns=[*dict.fromkeys(keys)])
+    columns = {key: table[key].combine_chunks() for key in keys}
+    flat = {key: column.flatten() if pa.types.is_nested(column.type) else column for key, column in columns.items()}
+    return {key: np.array(column, float).reshape(len(table), -1) for key, column in flat.items()}
+
+
+def _videos(path: Path, info: dict[str, Any], camera: str) -> dict[int, tuple[Path, float]]:
+    """Return the video of each episode, and when in it the episode begins [s]."""
+    template, videos = info["video_path"], {}
+    if info["codebase_version"].startswith("v2."):
+        for i in range(info["total_episodes"]):
+            file = template.format(episode_chunk=i // info["chunks_size"], video_key=camera, episode_index=i)
+            videos[i] = path / file, 0.0
+    keys = [f"videos/{camera}/{name}" for name in ("chunk_index", "file_index", "from_timestamp")]
+    for file in sorted(path.glob("meta/episodes/*/*.parquet")):
+        table = _parquet(file, ["episode_index", *keys])
+        for i, chunk, number, begin in np.hstack(list(table.values())).tolist():
+            place = template.format(video_key=camera, chunk_index=int(chunk), file_index=int(number))
+            videos[int(i)] = path / place, begin
+    return videos
+
+
+def _frame(video: Path, begin: float, t: float) -> bytes:
+    """Return the frame at `begin + t` [s] as png; by PyAV, as OpenCV's wheels cannot decode AV1, LeRobot's default."""
+    with av.open(str(video)) as container:
+        stream: Any = container.streams.video[0]
+        container.seek(int((begin + t) / stream.time_base), stream=stream)
+        half = 0.5 / float(stream.average_rate)
+        frame = next((one for one in container.decode(stream) if one.time > begin + t - half), None)
+    if frame is None:
+        raise InputError(f"{video} ends before {begin + t:.6g} s, where a demonstration begins: copy it again")
+    return cv2.imencode(".png", frame.to_ndarray(format="bgr24"))[1].tobytes()

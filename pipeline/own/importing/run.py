@@ -1,0 +1,172 @@
+"""The command `import`: read logs, say how they were understood, and write a new folder, completely or not at all."""
+
+import argparse
+import json
+import re
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+from numpy import ndarray as Array
+from pydantic import ValidationError
+
+from pipeline.own.files import COLUMNS, DEMONSTRATIONS, KEY, SCENES, SETTINGS, check_settings, normal
+from pipeline.own.importing.segments import MIN_PATH_M, Choices, Recording, check_times, cut, grip, guess_unit, on_table
+from pipeline.runtime.errors import InputError
+from pipeline.world.images import PNG_SIGNATURE
+
+BAGS, TEXTS = (".mcap", ".db3", ".bag"), (".csv", ".tsv", ".txt")
+HEADER = "# docs/own-tables.md says what each line is, docs/import.md what stands below `import`.\n"
+Read = Callable[[Path, Choices], tuple[list[Recording], Choices, list[str]]]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Import logs as the command line says; return 0. Raise InputError, with nothing written, if one cannot be used."""
+    parser = argparse.ArgumentParser("python -m pipeline.own import", description="Make a folder from logs.")
+    parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="ROS bag, LeRobot data set or csv file")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="new, or with table.yaml alone, which then holds")
+    parser.add_argument("--topic", help="of the poses, in a bag")
+    parser.add_argument("--hand", metavar="FRAME", help="TF frame that moves, instead of a topic")
+    parser.add_argument("--frame", help="TF frame of the table: its near left corner, x right, y away from the person")
+    parser.add_argument("--picture", help="topic or camera of the scenes' pictures")
+    parser.add_argument("--gripper", help="topic, topic:joint or column; demonstrations are while it is closed")
+    parser.add_argument("--columns", metavar="x=NAME,y=NAME,t=NAME", help="in a csv file or a data set")
+    parser.add_argument("--user", default="me", help="whose demonstrations they are, where the log names nobody")
+    options = {name: value for name, value in vars(parser.parse_args(arguments)).items() if value is not None}
+    logs, folder, user = options.pop("logs"), options.pop("folder").resolve(), options.pop("user")
+    if "columns" in options:
+        options["columns"] = dict(one.partition("=")[::2] for one in options["columns"].split(","))
+    held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    if (folder.exists() and not folder.is_dir()) or {*held} - {SETTINGS}:
+        what = f"{folder} holds {', '.join(held) or 'no folder'}"
+        raise InputError(f"{what}: expected a new folder, or one with {SETTINGS} alone; move the rest away")
+    size, choices = _confirmed(folder, options)
+    recordings, notes = list[Recording](), list[str]()
+    for log in logs:
+        read = _reader(log)
+        with _readable(log):
+            parts, choices, remarks = read(log, choices)
+        recordings += parts
+        notes += [f"{log}: {remark}" for remark in dict.fromkeys(remarks)]
+    if not recordings:
+        raise InputError("the logs hold no recording: expected at least one")
+    for recording in recordings:
+        check_times(recording)
+    middle, closed = grip(recordings) if choices.gripper else (0.0, None)
+    cuts = "gripper" if choices.gripper else "whole" if all(recording.whole for recording in recordings) else "stops"
+    guesses = {"unit": None if choices.unit else guess_unit(recordings), "y": "up", "segments": cuts, "closed": closed}
+    guessed = {name: value for name, value in guesses.items() if value and getattr(choices, name) is None}
+    choices = choices.model_copy(update=guessed)
+    lines = [
+        f"  {name}: {json.dumps(value, ensure_ascii=False)}{'  # guessed' if name in guessed else ''}\n"  # JSON is YAML
+        for name, value in choices.model_dump(exclude_none=True).items()
+    ]
+    section, staged = f"import:\n{''.join(lines)}", folder.with_name(f".part-{folder.name}")
+    shutil.rmtree(staged, ignore_errors=True)  # of a run that was killed
+    try:
+        (staged / SCENES).mkdir(parents=True)
+        notes += _write(staged, recordings, choices, middle, size, user)
+        if not held:
+            text = f"{HEADER}size_m: [{size[0]:g}, {size[1]:g}]  # width and depth of the table [m]\n{section}"
+            (staged / SETTINGS).write_text(text, encoding="utf-8")
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in sorted(staged.iterdir(), reverse=True):  # demonstrations.csv last
+            path.rename(folder / path.name)
+    finally:
+        shutil.rmtree(staged, ignore_errors=True)
+    print(section, *(f"note: {note}\n" for note in notes), sep="", end="")
+    print(f"{folder}: is a line above wrong? Correct it in {SETTINGS}, remove the other files, and import again")
+    return 0
+
+
+def _reader(log: Path) -> Read:
+    """Return what reads a log, by what it is; its libraries are imported only then."""
+    if log.suffix in TEXTS and log.is_file():
+        from pipeline.own.importing.text import read
+    elif (log / "meta" / "info.json").is_file():
+        from pipeline.own.importing.lerobot import read
+    elif (log.suffix in BAGS and log.is_file()) or (log / "metadata.yaml").is_file():
+        from pipeline.own.importing.bags import read
+    else:
+        cut_off = any(file.suffix in BAGS for file in log.glob("*"))
+        why = "has no metadata.yaml, which `ros2 bag reindex` writes" if cut_off else "is missing, or of another kind"
+        kinds = f"a ROS bag (its folder, or {', '.join(BAGS)}), a LeRobot data set, or {', '.join(TEXTS)}"
+        raise InputError(f"{log} {why}: expected {kinds}")
+    return read
+
+
+@contextmanager
+def _readable(log: Path | str) -> Iterator[None]:
+    """Raise InputError for whatever goes wrong in a foreign file: each library has its own kinds of errors."""
+    try:
+        yield
+    except (InputError, ImportError):
+        raise
+    except Exception as error:
+        why = "it is truncated, damaged, or stored in a way that is not supported"
+        advice = "copy it again; docs/import.md says what is read"
+        raise InputError(f"{log} cannot be read ({type(error).__name__}: {error}): {why}; {advice}") from error
+
+
+def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Array, Choices]:
+    """Return the table's width and depth [m], and what table.yaml and then the command line say of the log."""
+    try:
+        text = (folder / SETTINGS).read_text(encoding="utf-8") if (folder / SETTINGS).is_file() else ""
+        size = check_settings(content := yaml.load(text, yaml.BaseLoader) or {}).size_m
+        confirmed = Choices.model_validate(content.get("import") or {}).model_dump()
+        return size, Choices.model_validate(confirmed | options)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, ("import", *first["loc"])))
+        raise InputError(f"{SETTINGS}: {place} is {first['input']!r}: {first['msg']}; correct it") from error
+
+
+def _write(
+    folder: Path, recordings: Sequence[Recording], choices: Choices, middle: float, size: Array, user: str
+) -> list[str]:
+    """Write pictures and demonstrations.csv into an empty folder; return remarks. InputError if nothing moves."""
+    metres = [on_table(recording.places, choices, size[1]) for recording in recordings]
+    runs = [cut(recording, places, choices, middle) for recording, places in zip(recordings, metres, strict=True)]
+    totals, numbers, tables, bare = Counter[str](), Counter[Any](), [], set[str]()
+    for recording, parts in zip(recordings, runs, strict=True):
+        totals[recording.name] += len(parts)
+    if not totals.total():
+        used = choices.model_dump_json(exclude_none=True)
+        raise InputError(f"no movement is {MIN_PATH_M:g} m long: correct unit, topic, columns or segments of {used}")
+    for recording, places, parts in zip(recordings, metres, runs, strict=True):
+        with _readable(f"a picture of {recording.name}"):
+            for rows, picture in zip(parts, recording.pictures([int(part[0]) for part in parts]), strict=True):
+                numbers[name := recording.name] += 1
+                base = f"{name}-{numbers[name]:02d}" if totals[name] > 1 else name
+                labels = {"scene": re.sub(r"[^\w.-]+", "-", normal(base)).strip("-."), "user": user} | recording.labels
+                numbers[labels["scene"], labels["user"]] += 1
+                labels = {"demo": str(numbers[labels["scene"], labels["user"]]), "valid": ""} | labels
+                if picture is None:
+                    bare.add(labels["scene"])
+                else:
+                    ending = "png" if picture.startswith(PNG_SIGNATURE) else "jpg"
+                    (folder / SCENES / f"{labels['scene']}.{ending}").write_bytes(picture)
+                t, (x, y) = recording.t[rows] - recording.t[rows[0]], places[rows].T
+                tables.append(pd.DataFrame({"t": t.round(3), "x": x.round(4), "y": y.round(4)}).assign(**labels))
+    table = pd.concat(tables)[COLUMNS[DEMONSTRATIONS]]
+    table.to_csv(folder / DEMONSTRATIONS, index=False, lineterminator="\n")
+    (left, near), (right, far) = table[["x", "y"]].min(), table[["x", "y"]].max()
+    unlabelled = len(table[table["valid"] == ""].drop_duplicates(KEY))
+    notes = {
+        f"{len(tables)} demonstrations, x from {left:g} to {right:g} m, y from {near:g} to {far:g} m": True,
+        f"these leave the table of {size[0]:g} by {size[1]:g} m: correct size_m, unit, origin, turn_deg or y": (
+            min(left, near) < 0 or right > size[0] or far > size[1]
+        ),
+        f"{len(bare)} scenes have no picture: add {SCENES}/{min(bare, default='')}.jpg, and so on": len(bare) > 0,
+        f"{unlabelled} demonstrations have no label: judge them on the page of `python -m pipeline.own record`": (
+            unlabelled > 0
+        ),
+    }
+    return [note for note, holds in notes.items() if holds]

@@ -1,0 +1,198 @@
+"""A log that cannot be used is refused with a sentence that says why, and nothing is written."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode  # pyright: ignore[reportMissingImports]
+
+from pipeline.own.__main__ import main
+from pipeline.runtime.errors import InputError
+from tests.own.importing import bags
+from tests.own.importing.test_import import BESIDE, hand
+
+Make = Callable[[Path], Path]  # makes a log in a folder and returns it
+
+
+def poses(change: Callable[[list[bags.Entry]], list[bags.Entry]] = list, name: str = "log", **how: Any) -> Make:
+    """A bag of poses, whose entries are changed."""
+    entries = [(t, "/hand", bags.posed(t, x, y)) for t, x, y in hand(1)]
+    return lambda path: bags.write(path / name, change(entries), **how)
+
+
+def more(*entries: bags.Entry) -> Make:
+    return poses(lambda given: [*given, *entries])
+
+
+def cut(make: Make, pattern: str, share: float = 0.6) -> Make:
+    """The file that fits the pattern is truncated."""
+
+    def made(path: Path) -> Path:
+        log = make(path)
+        file = next(iter(log.rglob(pattern))) if log.is_dir() else log
+        file.write_bytes(file.read_bytes()[: int(share * file.stat().st_size)])
+        return log
+
+    return made
+
+
+def without(make: Make, pattern: str) -> Make:
+    def made(path: Path) -> Path:
+        log = make(path)
+        next(iter(log.rglob(pattern))).unlink()
+        return log
+
+    return made
+
+
+def metadata(old: str, new: str) -> Make:
+    """A bag whose metadata.yaml says something else."""
+
+    def made(path: Path) -> Path:
+        log = poses()(path)
+        text = (log / "metadata.yaml").read_text()
+        assert old in text
+        (log / "metadata.yaml").write_text(text.replace(old, new))
+        return log
+
+    return made
+
+
+def lerobot(version: str = "v30", info: Callable[[dict], object] = lambda info: None) -> Make:
+    """A data set whose info.json is changed."""
+
+    def made(path: Path) -> Path:
+        log = Path(shutil.copytree(BESIDE / f"lerobot_{version}", path / "log"))
+        content = json.loads((log / "meta/info.json").read_text())
+        info(content)
+        (log / "meta/info.json").write_text(json.dumps(content))
+        return log
+
+    return made
+
+
+def no_state(path: Path) -> Path:
+    log = lerobot()(path)
+    (file,) = log.glob("data/*/*")
+    pq.write_table(pq.read_table(file).drop_columns(["observation.state"]), file)
+    return log
+
+
+def empty(path: Path) -> Path:
+    log = lerobot(info=lambda info: info.update(total_episodes=0))(path)
+    shutil.rmtree(log / "data")
+    return log
+
+
+def short_video(path: Path) -> Path:
+    """The video of all episodes is the one of the first alone."""
+    log = lerobot()(path)
+    (video,) = log.rglob("*.mp4")
+    shutil.copy(next((BESIDE / "lerobot_v21").rglob("episode_000000.mp4")), video)
+    return log
+
+
+def text(content: str, name: str = "log.csv") -> Make:
+    def made(path: Path) -> Path:
+        (path / name).write_text(content)
+        return path / name
+
+    return made
+
+
+def rows(header: str, *lines: str) -> Make:
+    return text("\n".join([header, *(f"{t},{x},{y}" for t, x, y in hand(1)), *lines]))
+
+
+def second_camera(info: dict) -> None:
+    info["features"]["observation.images.wrist"] = info["features"]["observation.images.top"]
+
+
+GREY = np.zeros((8, 8, 3), np.uint8)
+OTHER = (0.0, "/other", bags.posed(0, 0, 0))
+BASE = (0.0, "/tf", bags.tf(0, "map", "base", 0, 0))
+LEFT, RIGHT = (0.0, "/left", bags.image(0, GREY, "rgb8")), (0.0, "/right", bags.image(0, GREY, "png"))
+CLOSED = (0.0, "/grip", bags.make("std_msgs/Bool", True))
+SQLITE: dict[str, Any] = {"storage": bags.STORAGES[0]}
+ZSTD = SQLITE | {"mode": CompressionMode.FILE, "fmt": CompressionFormat.ZSTD}
+PLAIN, LZ77 = "compression_mode: ''", "compression_mode: file"
+BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options, the sentence
+    ("missing", lambda path: path / "log.mcap", "", "is missing"),
+    ("another kind", text("", "log.pdf"), "", "another kind"),
+    ("no topic with poses", poses(lambda given: [CLOSED]), "", "expected geometry"),
+    ("several topics", more(OTHER), "", "--topic: several.* /hand .*/other .*choose"),
+    ("a topic that is not there", poses(), "--topic /arm", "/arm is not among /hand"),
+    ("no transform", more(BASE), "--frame desk", "from table to desk.* base, map"),
+    ("no TF at all", poses(), "--frame desk", "TF holds no frame"),
+    ("hand without frame", poses(), "--hand tool", "add --frame"),
+    ("hand not in TF", more(BASE), "--hand tool --frame map", "from tool"),
+    ("several frames", more((9, "/hand", bags.posed(9, 0, 0, "map"))), "", "frames map, table"),
+    ("times that go back", more((9, "/hand", bags.posed(1, 0, 0))), "", "time goes back from .* at sample 301"),
+    ("truncated mcap", cut(poses(), "*.mcap"), "", "truncated"),
+    ("truncated sqlite3", cut(poses(**SQLITE), "*.db3"), "", "truncated"),
+    ("sqlite3 without its end", cut(poses(**SQLITE), "*.db3", 0.95), "", "truncated"),
+    ("fewer messages than counted", metadata("message_count: 300", "message_count: 400"), "", "ends after 300 poses"),
+    ("no metadata", without(poses(), "metadata.yaml"), "", "reindex"),
+    ("no storage file", without(poses(), "*.mcap"), "", "missing"),
+    ("unknown storage", metadata("identifier: mcap", "identifier: rocksdb"), "", "'rocksdb' not supported"),
+    ("unknown compression", metadata(PLAIN, LZ77), "", "Compression format .* not supported"),
+    ("damaged compression", cut(poses(**ZSTD), "*.zstd"), "", "truncated"),
+    ("several cameras", more(LEFT, RIGHT), "", "--picture: several"),
+    ("depth pictures", more((0, "/depth", bags.image(0, GREY, "16UC1"))), "", "encoding is '16UC1'"),
+    ("gripper that stays", more(CLOSED), "--gripper /grip", "opens and closes"),
+    ("gripper of poses", poses(), "--gripper /hand", "TOPIC:JOINT"),
+    ("no movement", poses(lambda given: given[:50]), "", "no movement is 0.1 m long"),
+    ("a part of a data set", lambda path: lerobot()(path) / "meta", "", "another kind"),
+    ("old format", lerobot(info=lambda info: info.update(codebase_version="v1.6")), "", "v1.6"),
+    ("two cameras", lerobot(info=second_camera), "", "images.top, observation.images.wrist"),
+    ("a column that is not there", lerobot(), "--columns x=px,y=py", "px, py among them"),
+    ("info without features", lerobot(info=lambda info: info.pop("features")), "", "KeyError: 'features'"),
+    ("a data set without episodes", empty, "", "no recording"),
+    ("parquet without the columns", no_state, "", "no column observation.state"),
+    ("truncated parquet", cut(lerobot(), "data/*/*"), "", "truncated"),
+    ("an episode is missing", without(lerobot("v21"), "*1.parquet"), "", "lacks 1 of 3 episodes, the first 1"),
+    ("a video is missing", without(lerobot("v21"), "*1.mp4"), "", "episode_000001.mp4"),
+    ("a video that ends early", short_video, "", "ends before 1.6 s"),
+    ("truncated video", cut(lerobot("v21"), "*.mp4"), "", "cannot be read"),
+    ("csv without times", rows("n,x,y"), "", "no times among n, x, y"),
+    ("csv without places", rows("t,a,b"), "", "expected a header"),
+    ("csv with several places", text("t,hand.x,hand.y,head.x,head.y\n"), "", "x=hand.x,y=hand.y; x=head.x,y=head.y"),
+    ("csv with words", rows("t,x,y", "9,left,0"), "", "row 302: x is 'left'"),
+    ("csv with a short row", rows("t,x,y", "9,0"), "", "row 302 has 2 cells"),
+    ("csv with times that go back", rows("t,x,y", "1,0,0"), "", "time goes back"),
+    ("csv in pixels", rows("t,x,y", "9,1e6,0"), "", "no path on a table"),
+    ("empty csv", text(""), "", "expected a header"),
+    ("csv of lost samples", text("t,x,y\n0,nan,nan\n"), "", "no row with a time and a position"),
+]
+
+
+@pytest.mark.parametrize(("make", "options", "sentence"), [pytest.param(*rest, id=name) for name, *rest in BROKEN])
+def test_a_broken_log_is_refused_and_nothing_is_written(tmp_path: Path, make: Make, options: str, sentence: str):
+    log = make(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError, match=sentence):
+        main(["import", str(log), str(tmp_path / "folder"), *options.split()])
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+WRONG = {
+    "import: {unit: inch}": "import.unit is 'inch'",
+    "import: {colour: red}": "import.colour",
+    "import: metres": "import is 'metres'",
+    "import: [": "cannot be read",
+}
+
+
+@pytest.mark.parametrize("content", WRONG)
+def test_a_wrong_table_yaml_is_refused(tmp_path: Path, content: str):
+    log, folder = rows("t,x,y")(tmp_path), tmp_path / "folder"
+    folder.mkdir()
+    (folder / "table.yaml").write_text(content)
+    with pytest.raises(InputError, match=WRONG[content]):
+        main(["import", str(log), str(folder)])
+    assert [path.name for path in folder.iterdir()] == ["table.yaml"]
