@@ -31,7 +31,7 @@ class Empty(NamedTuple):
     @property
     def is_useful(self) -> bool:
         """Return whether it shows most of the table."""
-        return self.unsure.mean() <= MAX_UNSURE
+        return bool(self.unsure.mean() <= MAX_UNSURE)
 
 
 def empty_table(canvases: UInt8[Array, "picture side side 3"]) -> Empty | None:

@@ -37,13 +37,13 @@ def read(path: Path) -> Folder:
 def test_told_outlines_are_what_models_see_kinds_included(tmp_path: Path):
     path = make_folder(tmp_path)
     (path / "items.json").write_text(coco({}, {"category_id": 2, "segmentation": [[5, 5, 25, 5, 25, 9]]}))
-    seen = read(path).seen
-    assert seen.ways == [TOLD, ALONE, ALONE, ALONE] and seen.names == ["cup", "pläte"]
+    folder = read(path)
+    seen, told = folder.seen, folder.scenes.index(SCENES[0])
+    assert [way for i, way in enumerate(seen.ways) if i != told] == [ALONE] * 3 and seen.ways[told] == TOLD
     objects = seen.objects
-    assert objects.present[0].sum() == 2
-    np.testing.assert_allclose(objects.ends[0, 0].mean(0), (0.7, 0.3), atol=0.006)
-    np.testing.assert_allclose(objects.kinds[0, :2], [[1, 0], [0, 1]])
-    assert objects.doubt[0] == 0
+    assert seen.names == ["cup", "pläte"] and objects.present[told].sum() == 2 and objects.doubt[told] == 0
+    np.testing.assert_allclose(objects.ends[told, 0].mean(0), (0.7, 0.3), atol=0.006)  # the larger one
+    np.testing.assert_allclose(objects.kinds[told, :2], [[1, 0], [0, 1]])
 
 
 def test_a_mask_and_a_capsule_and_a_polygon_tell_the_same(tmp_path: Path):
@@ -54,8 +54,9 @@ def test_a_mask_and_a_capsule_and_a_polygon_tell_the_same(tmp_path: Path):
     (path / "masks" / f"{SCENES[1]}.png").write_bytes(cv2.imencode(".png", mask)[1].tobytes())
     (path / "items.json").write_text(coco({}))
     (path / "items.csv").write_text(CAPSULES + f"{SCENES[2]},cup,.7,.3,0,.11284,0\n")
-    objects = read(path).seen.objects
-    for i in range(3):
+    folder = read(path)
+    objects = folder.seen.objects
+    for i in map(folder.scenes.index, SCENES[:3]):
         np.testing.assert_allclose(objects.ends[i, 0].mean(0), (0.7, 0.3), atol=0.01)
         assert abs(objects.radius[i, 0] - 0.113) < 0.01
 
@@ -63,7 +64,8 @@ def test_a_mask_and_a_capsule_and_a_polygon_tell_the_same(tmp_path: Path):
 def test_a_scene_told_to_be_empty_holds_nothing(tmp_path: Path):
     path = make_folder(tmp_path)
     (path / "items.json").write_text(coco())
-    assert not read(path).seen.objects.present[0].any()
+    folder = read(path)
+    assert not folder.seen.objects.present[folder.scenes.index(SCENES[0])].any()
 
 
 @pytest.mark.parametrize(
