@@ -29,8 +29,8 @@ def recording(runs: list[Run], tmp_path_factory: pytest.TempPathFactory) -> Path
 def test_maps_and_titles_are_every_variant_s_verdicts_beside_the_truth(runs: list[Run], recording: Path) -> None:
     for run in runs:
         of_user = [other for other in runs if other.user == run.user]
-        mean = [np.mean([other.repairs[scene].agreement for other in of_user]) for scene in range(len(run.repairs))]
-        scenes = [run.repairs[scene] for scene in np.argsort(mean)]  # the worst first
+        mean = [np.mean([other.shown[scene].agreement for other in of_user]) for scene in range(len(run.shown))]
+        scenes = [run.shown[scene] for scene in np.argsort(mean)]  # the worst first
         truth = np.stack([shown.truth for shown in scenes])
         accepted = np.stack([shown.predicted for shown in scenes]) > 0.5
         outcomes = read_maps(recording, f"{run.user}/{run.variant}")
