@@ -12,6 +12,8 @@ COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find
 RUN ?=
 WORST ?=
 ALL ?=
+A ?=
+B ?= HEAD
 VERDICT ?=
 SCENE ?=
 NOTE ?=
@@ -107,8 +109,8 @@ bench: data-here $(CLUSTER)  ## every benchmark, the whole graph among them; wri
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open the overview of the recordings; ALL=1: tables of all to sort and filter; RUN=<variant>-<user>-s<seed> or WORST=1: one; WEB=1: in a browser
-	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(ALL),--all) $(if $(WEB),--web)
+review: $(READY)  ## open the overview of the recordings; ALL=1: tables of all to sort and filter; RUN=<variant>-<user>-s<seed> or WORST=1: one; A=<commit> B=<commit>: two commits; WEB=1: in a browser
+	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(ALL),--all) $(if $(A),--between $(A) $(B)) $(if $(WEB),--web)
 
 reviewed: $(READY)  ## note what you saw and commit it: RUN=<run> VERDICT=right|wrong|unclear, SCENE=<number> for one scene, NOTE="why"
 	python -m pipeline.viewer.review $(RUN) --verdict $(VERDICT) $(if $(SCENE),--scene $(SCENE)) --note "$$NOTE"

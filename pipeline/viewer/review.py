@@ -4,6 +4,7 @@ python -m pipeline.viewer.review                   all variants and the truth
 python -m pipeline.viewer.review full-careful-s0   one run
 python -m pipeline.viewer.review --worst           the run with the lowest accuracy
 python -m pipeline.viewer.review --all             tables of all runs and of their worst scenes, to sort and filter
+python -m pipeline.viewer.review --between A B     overviews of two commits: where B is wrong and A was right
 python -m pipeline.viewer.review --web             in a browser, served to this machine only
 python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
 python -m pipeline.viewer.review full-careful-s0 --verdict wrong --scene 7 --note "through the glass"
@@ -17,17 +18,19 @@ import subprocess
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_table
-from pipeline.git import git
+from pipeline.git import environment, git
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import PARAMS
 from pipeline.viewer.catalog import RUNS, SCENES, catalog
+from pipeline.viewer.compared import read_overview, write_comparison
 from pipeline.viewer.digest import digest
 from pipeline.viewer.run import OVERVIEW, layout, overview_layout
 
@@ -114,6 +117,24 @@ def show_all(cfg: DictConfig, kept: Path, runs: Path, web: bool) -> int:
         return show([f"{client.url}/entry/{entry.id}" for entry in entries], web)
 
 
+def show_between(kept: Path, commits: tuple[str, str], web: bool) -> int:
+    """Open what the overviews of two commits show of the same models and scenes; return the viewer's exit code."""
+    with TemporaryDirectory() as folder:
+        maps = []
+        for i, commit in enumerate(commits):
+            name = f"{commit}:{(kept / OVERVIEW).as_posix()}.rrd"
+            said = subprocess.run(["git", "show", name], env=environment(), capture_output=True)
+            if said.returncode:
+                raise InputError(
+                    f"git has no {name}: expected two commits with an overview ({said.stderr.decode().strip()})"
+                )
+            (Path(folder) / f"{i}.rrd").write_bytes(said.stdout)
+            maps.append(read_overview(Path(folder) / f"{i}.rrd"))
+        worse = write_comparison(Path(folder) / "compared.rrd", *maps)
+        print(f"{worse} cells were right in {commits[0]} and are wrong in {commits[1]}", flush=True)
+        return show([str(Path(folder) / "compared.rrd")], web)
+
+
 def show(shown: list[str], web: bool = False) -> int:
     """Open Rerun's viewer on files or addresses, for this machine only, until it is closed; return its exit code."""
     screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
@@ -144,6 +165,7 @@ def _main() -> int:
     which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
     which.add_argument("--worst", action="store_true", help="the run with the lowest accuracy")
     which.add_argument("--all", action="store_true", help="tables of all runs and of their worst scenes")
+    which.add_argument("--between", nargs=2, metavar=("A", "B"), help="overviews of two commits")
     parser.add_argument("--verdict", choices=VERDICTS, help="note it of the run in reports/reviewed.csv; no window")
     parser.add_argument("--scene", type=int, help="of the verdict: one scene of the run, not all of it")
     parser.add_argument("--note", default="", help="of the verdict: why")
@@ -163,6 +185,8 @@ def _main() -> int:
         note(*folders, run, args.verdict, args.scene, args.note)
         print(f"{run}: {args.verdict}, committed in {REVIEWED}")
         return 0
+    if args.between:
+        return show_between(folders[0], args.between, args.web)
     return show_all(cfg, *folders, args.web) if args.all else show([str(find(*folders, run))], args.web)
 
 
