@@ -37,6 +37,7 @@ from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts
 from pipeline.world.render import ImageSource, Palette, read_palette, render_scenes
 from pipeline.world.rules import clearance, valid
+from studies.refutation.origin import ask_on_support, ask_where_errors_arise
 
 Images = UInt8[Array, "version scene 100 100 3"]  # version 0 is the original scene, 1 + k has symbol k added
 Effects = Float[Array, "question seed scene"]
@@ -90,12 +91,15 @@ def agree(study: Settings, parameters: Any) -> None:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Ask fitted models what refuters ask, then models that are fitted in the confounded world."""
+    """Ask fitted models what refuters ask and where their errors arise, then models of the confounded world."""
     check_weights(cfg)
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     ordinary = demonstrations(cfg, scenes)
-    ask_refuters(cfg, read_versions(cfg, scenes, cfg.studies.refutation.scenes), ordinary, out_dir)
+    asked = read_versions(cfg, scenes, cfg.studies.refutation.scenes)
+    ask_refuters(cfg, asked, ordinary, out_dir)
+    ask_where_errors_arise(cfg, scenes, asked, out_dir)
+    ask_on_support(cfg, scenes, out_dir)
     ask_in_confounded_world(cfg, scenes, ordinary, out_dir)
 
 
@@ -260,9 +264,9 @@ def association_strength(
     """
 
     def ratio(outcome: Array, exposed: Array) -> float:
-        rates = [outcome[side].mean() if side.any() else np.nan for side in (exposed, ~exposed)]
+        one, other = (np.float64(outcome[side].mean() if side.any() else np.nan) for side in (exposed, ~exposed))
         with np.errstate(divide="ignore", invalid="ignore"):
-            return float(np.divide(*rates))
+            return float(one / other)
 
     found = ratio(invalid, near)
     found = found if np.isfinite(found) else np.nan
