@@ -95,10 +95,10 @@ def _add_scenes(client: CatalogClient, dataset: DatasetEntry, reviews: pd.DataFr
     rows = []
     for run in dataset.segment_table().to_pandas().to_dict("records"):
         facts = {str(name).removeprefix("property:"): value for name, value in run.items()}
-        who = {name: facts[f"run:{name}"][0] for name in ("variant", "user", "seed")} | {"run": run[SEGMENT]}
-        worst = [facts[f"worst:{name}"] for name in WORST]
+        worst = [facts.get(f"worst:{name}") for name in WORST]
         if worst[0] is None:  # every path is valid for this user
             continue
+        who = {name: facts[f"run:{name}"][0] for name in ("variant", "user", "seed")} | {"run": run[SEGMENT]}
         for scene, step, wrong, unsafe in zip(*worst, strict=True):
             key = run[SEGMENT], scene
             review = said.loc[key, ["verdict", "note"]].to_dict() if key in said.index else {}

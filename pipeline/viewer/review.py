@@ -26,6 +26,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_table
 from pipeline.git import environment, git
+from pipeline.git import run as run_in
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import PARAMS
@@ -104,7 +105,8 @@ def note(kept: Path, runs: Path, run: str, verdict: str, scene: int | None, text
 
 def show_all(cfg: DictConfig, kept: Path, runs: Path, web: bool) -> int:
     """Open the catalog of all recordings there are, until the viewer is closed; return its exit code."""
-    files, commit = recordings(kept, runs), git(Path(), "rev-parse", "--short", "HEAD").strip()
+    files = recordings(kept, runs)
+    commit = run_in(["git", "rev-parse", "--short", "HEAD"], Path(), capture_output=True).stdout.strip()
     caring = [user for user, margins in cfg.users.items() if any(margin is not None for margin in margins.values())]
     layouts = {
         RUNS: layout(cfg.record.training_scenes),
