@@ -272,8 +272,10 @@ def association_strength(
     found = found if np.isfinite(found) else np.nan
     above = max(found, 1 / found) if found > 0 else np.nan
     with_near, with_invalid = ratio(cause, near), ratio(invalid, cause)
-    bias = 1 / (1 / with_near + 1 / with_invalid - 1 / (with_near * with_invalid)) if with_near > 0 else np.nan
-    bias = bias if min(with_near, with_invalid) >= 1 and np.isfinite(bias) else np.nan
+    inverse = 0.0
+    if min(with_near, with_invalid) >= 1:  # also of infinite ones
+        inverse = 1 / with_near + 1 / with_invalid - 1 / (with_near * with_invalid)
+    bias = 1 / inverse if inverse > 0 else np.nan
     return {"risk_ratio": found, "e_value": float(above + np.sqrt(above * (above - 1))), "bias_factor": bias}
 
 
