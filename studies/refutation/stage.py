@@ -259,7 +259,7 @@ def association_strength(
 
     e_value: how strongly, as a risk ratio, a hidden common cause must go with both for it to explain all of the ratio
     (VanderWeele and Ding, 2017, doi 10.7326/M16-2607). bias_factor: the largest ratio that passing near the `cause` can
-    explain, by its own two ratios (Ding and VanderWeele, 2016, doi 10.1097/EDE.0000000000000457). Ratios below 1 are
+    explain, by its own two ratios (Ding and VanderWeele, 2016, Epidemiology 27(3), 368-377). Ratios below 1 are
     turned over; what is infinite or undefined is NaN.
     """
 
