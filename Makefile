@@ -11,9 +11,15 @@ READY := $(VENV)/.ready
 COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host
 RUN ?=
 WORST ?=
+ALL ?=
+A ?=
+B ?= HEAD
+VERDICT ?=
+SCENE ?=
+NOTE ?=
 KILLS ?=
 
-.PHONY: help venv venv-cluster repro studies demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review audit site figures tables readme lint lock sbom params segmenter data render clean
+.PHONY: help venv venv-cluster repro studies demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review reviewed audit site figures tables readme lint lock sbom params segmenter data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -103,8 +109,11 @@ bench: data-here $(CLUSTER)  ## every benchmark, the whole graph among them; wri
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed> or WORST=1; WEB=1: in a browser
-	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
+review: $(READY)  ## open the overview of the recordings; ALL=1: tables of all to sort and filter; RUN=<variant>-<user>-s<seed> or WORST=1: one; A=<commit> B=<commit>: two commits; WEB=1: in a browser
+	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(ALL),--all) $(if $(A),--between $(A) $(B)) $(if $(WEB),--web)
+
+reviewed: $(READY)  ## note what you saw and commit it: RUN=<run> VERDICT=right|wrong|unclear, SCENE=<number> for one scene, NOTE="why"
+	python -m pipeline.viewer.review $(RUN) --verdict $(VERDICT) $(if $(SCENE),--scene $(SCENE)) --note "$$NOTE"
 
 audit: $(READY)  ## do code, locks, pages and tables of the last commit agree? docs/audit.md compares two commits
 	python -m pipeline.audit
@@ -126,7 +135,7 @@ lint: $(READY)  ## format and lint in place
 
 lock: $(READY)  ## pin pyproject.toml's dependencies anew
 	$(COMPILE) -o requirements.lock pyproject.toml
-	$(COMPILE) --extra dev --extra import --extra record -c requirements.lock -o requirements-dev.lock pyproject.toml
+	$(COMPILE) --extra dev --extra import --extra record --extra review -c requirements.lock -o requirements-dev.lock pyproject.toml
 	$(COMPILE) --extra robot -c requirements-dev.lock -o requirements-robot.lock pyproject.toml
 	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock requirements-robot.lock  # either build will do
 

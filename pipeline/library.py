@@ -47,7 +47,7 @@ SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants
     "classifier": {"stage": "train", "kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
     "irl_maxent": IRL | {"objective": "maxent", "model": {**REWARD_MAP, "dropout": 0.5}},
     "irl_ranked": IRL | {"objective": "ranked", "model": {**REWARD_MAP, "dropout": 0.3}},
-    "clearance": {"stage": "clearance", "kind": "clearance", "model": {"members": 8}},
+    "clearance": {"stage": "clearance", "kind": "clearance", "model": {"members": 8, "kinds": 6}},
 }
 TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearance
     "train": {

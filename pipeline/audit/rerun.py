@@ -14,7 +14,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import ROOT
 
 PINNED = "requirements.lock"
-RECORDINGS = ("outputs/record/runs", "reports/recordings")  # hold times; recordings.csv has digests of their content
+RECORDINGS = "reports/recordings"  # other bytes in each run; recordings.csv has digests of their content
 
 Hashes = dict[tuple[str, str], str]  # stage, path -> md5
 
@@ -63,4 +63,4 @@ def outputs(clone: Path) -> Hashes:
     """Return the hash of every output of the paper's stages that their lock names, but for recordings."""
     stages = yaml.safe_load((clone / "dvc.lock").read_bytes())["stages"]
     hashes = {(name, out["path"]): out["md5"] for name, stage in stages.items() for out in stage.get("outs", [])}
-    return {key: md5 for key, md5 in hashes.items() if key[1] not in RECORDINGS}
+    return {key: md5 for key, md5 in hashes.items() if key[1] != RECORDINGS}

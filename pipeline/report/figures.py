@@ -2,7 +2,7 @@
 
 import base64
 from collections.abc import Mapping
-from itertools import product
+from itertools import combinations, product
 from typing import Any
 
 import cv2
@@ -293,24 +293,44 @@ def demonstrations(results: Results) -> Figure:
 
 
 def graph(_: Results) -> Figure:
-    """Draw the paper's structural causal model: items cause the image; image, path and user cause validity."""
-    figure, axes = panels(1, 1, 7.2, 3.2)
-    panel = axes[0, 0]
-    places = {name: (0.2, 2.6 - 2.4 * i / max(len(SYMBOLS) - 1, 1)) for i, name in enumerate(SYMBOLS)}
-    places |= {"$Z_I$": (2.2, 1.4), "$Z_\\theta$": (2.9, 2.6), "$S$": (2.9, 0.2), "$V$": (4.4, 1.4)}
+    """Draw the paper's cyclic graph and ours: items cause the scene; scene, path and user cause validity.
+
+    Ours has a hidden cause of paths and labels (dashed), and a bar where an added item cuts the arrows into the scene.
+    """
+    figure, axes = panels(1, 2, 11.0, 3.6, titles=["The paper: a cycle", "Ours"], width_ratios=[2, 3])
+    nodes = {"$Z_I$": (2.2, 1.4), "$Z_\\theta$": (2.9, 2.6), "$S$": (2.9, 0.2), "$V$": (4.4, 1.4)}
     words = {"$Z_I$": "scene", "$Z_\\theta$": "path", "$S$": "user", "$V$": "valid"}
-    arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": style.MUTED, "shrinkB": 72 * 0.32, "linewidth": 1.2}
+    aside = {"$Z_I$": (0.0, -0.36, "right", "top"), "$Z_\\theta$": (0.0, 0.36, "center", "bottom")}
+    head: dict[str, Any] = {"color": style.MUTED, "shrinkB": 72 * 0.3, "shrinkA": 72 * 0.3, "linewidth": 1.2}
     middle: dict[str, Any] = {"ha": "center", "va": "center"}
-    for name, place in places.items():
-        if name in SYMBOLS:
-            panel.annotate("", places["$Z_I$"], place, arrowprops=arrow | {"shrinkA": 72 * 0.42})
-            panel.text(*place, name, fontsize=11, bbox={"boxstyle": "round", "fc": "none", "ec": style.MUTED}, **middle)
-            continue
-        if name != "$V$":
-            panel.annotate("", places["$V$"], place, arrowprops=arrow | {"shrinkA": 72 * 0.32})
-        panel.add_patch(Circle(place, 0.3, fill=False, edgecolor=style.INK, linewidth=1.4))
+
+    def node(panel: Axes, name: str, place: tuple[float, float], word: str, line: str = "-") -> None:
+        panel.add_patch(Circle(place, 0.3, fill=False, edgecolor=style.INK, linewidth=1.4, linestyle=line))
         panel.text(*place, name, fontsize=13, **middle)
-        panel.text(place[0] + 0.4, place[1] + 0.02, words[name], ha="left", va="bottom", fontsize=10, color=style.MUTED)
-    panel.set(xlim=(-0.5, 5.3), ylim=(-0.3, 3.1), aspect="equal")
-    panel.axis("off")
+        x, y, ha, va = aside.get(name, (0.4, 0.02, "left", "bottom"))
+        panel.text(place[0] + x, place[1] + y, word, ha=ha, va=va, fontsize=10, color=style.MUTED)
+
+    def arrow(panel: Axes, start: tuple[float, float], end: tuple[float, float], **look: Any) -> None:
+        panel.annotate("", end, start, arrowprops={"arrowstyle": "-|>"} | head | look)
+
+    cyclic, ours = axes[0]
+    for one, other in combinations(nodes.values(), 2):
+        arrow(cyclic, one, other, arrowstyle="<|-|>")
+    items = {name: (0.2, 2.6 - 2.4 * i / max(len(SYMBOLS) - 1, 1)) for i, name in enumerate(SYMBOLS)}
+    for name, place in items.items():
+        arrow(ours, place, nodes["$Z_I$"], shrinkA=72 * 0.42)
+        box: dict[str, Any] = {"boxstyle": "round", "fc": "none", "ec": style.MUTED}
+        ours.text(*place, name, fontsize=11, bbox=box, **middle)
+    for name in list(nodes)[:-1]:  # all but V
+        arrow(ours, nodes[name], nodes["$V$"])
+    hidden = (4.4, 2.9)
+    for end in (nodes["$Z_\\theta$"], nodes["$V$"]):
+        arrow(ours, hidden, end, linestyle="--")
+    node(ours, "$U$", hidden, "hidden", "--")
+    ours.plot([1.6, 1.6], [0.9, 1.9], color=style.INK, linewidth=3)
+    for panel, left in ((cyclic, 1.7), (ours, -0.5)):
+        for name, place in nodes.items():
+            node(panel, name, place, words[name])
+        panel.set(xlim=(left, 5.5), ylim=(-0.3, 3.4), aspect="equal")
+        panel.axis("off")
     return figure

@@ -1,7 +1,8 @@
 """Stage record: write a Rerun recording per variant, user and seed, an overview, and a digest of each file."""
 
 import shutil
-from itertools import product
+from functools import partial
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -9,18 +10,20 @@ import pandas as pd
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from pipeline.artifacts.files import read_table, write_table
+from pipeline.artifacts.files import write_table
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights
+from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Group, Several, need
 from pipeline.runtime.writing import atomic_write
-from pipeline.viewer.contents import assemble, read_sources
+from pipeline.viewer.contents import Run, assemble, read_sources
 from pipeline.viewer.digest import digest
 from pipeline.viewer.run import write_overview, write_run
 
 
 class Settings(Group):
     scenes: Count
+    worst: Count
     repairs: Count
     training_scenes: Count
     map_side: Several
@@ -36,29 +39,31 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write runs/{variant}-{user}-s{seed}.rrd of every model at main_n_demos, runs/overview.rrd and recordings.csv.
 
     A user without margins has no runs if another has some: all their paths are valid. The overview shows the first
-    seed's models. recordings.csv holds each recording's digest, and the accuracy of runs.
+    seed's models. recordings.csv holds each recording's digest and facts. It alone is an output to DVC, since the bytes
+    of recordings differ from run to run.
     """
     check_weights(cfg)
-    sources = read_sources(cfg)
-    table = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
-    table = table[(table["split"] == cfg.repair.split) & (table["n_demos"] == cfg.main_n_demos)]
-    accuracy = table.set_index(["variant", "user", "seed"])["accuracy"]
     caring = [user for user, margins in cfg.users.items() if any(margin is not None for margin in margins.values())]
-    rows, compared = [], []
+    jobs = list(product(cfg.variants, caring or cfg.users))
+    runs = [*chain(*map_jobs(partial(_assembled, cfg), jobs, cfg.workers, "contents of recordings"))]
+    rows = []
     shutil.rmtree(out_dir / "runs", ignore_errors=True)  # remove recordings of earlier models
-    models = list(product(cfg.variants, caring or cfg.users, cfg.protocol.seeds))
-    for variant, user, seed in tqdm(models, desc="recordings"):  # one process: Rerun has hung next to torch workers
-        run = assemble(cfg, sources, variant, user, seed)
+    for run in tqdm(runs, desc="recordings"):  # in one process: Rerun has hung next to torch workers
         path = out_dir / "runs" / f"{run.name}.rrd"
         atomic_write(path, lambda part, run=run: write_run(part, run))
-        right = accuracy[variant, user, seed]
-        rows.append({"run": run.name, "variant": variant, "sha256": digest(path), "accuracy": right})
-        if seed == cfg.protocol.seeds[0]:
-            compared.append(run)
+        who = {"run": run.name, "variant": run.variant, "user": run.user, "seed": run.seed}
+        rows.append(who | {"sha256": digest(path)} | run.facts)
+    compared = [run for run in runs if run.seed == cfg.protocol.seeds[0]]
     compared.sort(key=lambda run: not cfg.variants[run.variant].compared)
     path = out_dir / "runs" / "overview.rrd"
     atomic_write(path, lambda part: write_overview(part, compared))
     write_table(out_dir / "recordings.csv", pd.DataFrame([*rows, {"run": "overview", "sha256": digest(path)}]))
+
+
+def _assembled(cfg: DictConfig, job: tuple[str, str]) -> list[Run]:
+    """Return the contents of the recordings of one variant and user, by seed."""
+    sources = read_sources(cfg)
+    return [assemble(cfg, sources, *job, seed) for seed in cfg.protocol.seeds]
 
 
 if __name__ == "__main__":

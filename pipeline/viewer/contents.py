@@ -9,6 +9,7 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
+from scipy.special import logit
 
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_trajectories
 from pipeline.artifacts.files import data_version, read_arrays, read_table
@@ -20,10 +21,11 @@ from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import Margins, clearance, slack, valid
 
-REPAIR_COLUMNS = ["method", "variant", "user", "seed", "scene", "start", "valid_end"]
+REPAIR_COLUMNS = ["method", "variant", "user", "seed", "scene", "start", "valid_end", "accepted"]
 CURVE_KEY = ["seed", "user", "n_demos", "step"]
 EFFECT_COLUMNS = ["question", "variant", "user", "seed", "scene", "effect", "true_effect"]
-# values of `Repairs.outcomes`: in truth, and to the model
+RESOLUTION = 2.0**-24  # of P(valid) near 1 as float32; log-odds end at +-16.6
+# values of `Shown.outcomes`: in truth, and to the model
 REJECTED, ACCEPTED, FALSELY_VALID, FALSELY_INVALID = range(4)
 
 
@@ -40,19 +42,14 @@ class Demonstrations:
 
 
 @dataclass(frozen=True)
-class Repairs:
-    """A new scene with the model's and the true validity, and the model's gradient repairs."""
+class Shown:
+    """A new scene with the model's and the true validity."""
 
     scene: int
     image: UInt8[Array, "100 100 3"]
     layout: Layouts
     predicted: Float[Array, "side side"]  # P(valid) on `bezier.lattice(side)` as [y, x]
     truth: Bool[Array, "side side"]
-    start: tuple[int, ...]  # each repair's number in the scene
-    z: Float[Array, "repair step 2"]  # the path [m] at every step, including the invalid start
-    p: Float[Array, "repair step"]
-    slack: Float[Array, "repair step"]  # clearance in excess of the user's margins [m], inf without margins
-    ends_valid: Bool[Array, " repair"]
 
     @property
     def outcomes(self) -> UInt8[Array, "side side"]:
@@ -68,13 +65,25 @@ class Repairs:
 
 
 @dataclass(frozen=True)
+class Repairs(Shown):
+    """One of the model's worst scenes, with its gradient repairs there."""
+
+    start: tuple[int, ...]  # each repair's number in the scene
+    z: Float[Array, "repair step 2"]  # the path [m] at every step, including the invalid start
+    log_odds: Float[Array, "repair step"]  # of being valid, by the model
+    slack: Float[Array, "repair step"]  # clearance in excess of the user's margins [m], inf without margins
+    ends_valid: Bool[Array, " repair"]
+    unsafe: int  # repairs that the model accepts although their end is invalid, of all in this scene
+
+
+@dataclass(frozen=True)
 class Intervention:
     """do(Z_I := E(I + o)): an item added to the first new scene, in the last occupied slot of `layout`."""
 
     symbol: str
     image: UInt8[Array, "100 100 3"]
     layout: Layouts
-    predicted: Float[Array, "side side"]  # maps as in `Repairs`
+    predicted: Float[Array, "side side"]  # maps as in `Shown`
     truth: Bool[Array, "side side"]
     learned: float  # the effect on E[V] in this scene
     true: float
@@ -107,9 +116,11 @@ class Run:
     parameters: str  # what the fit read, as YAML
     margins: Margins  # the user's
     demonstrations: tuple[Demonstrations, ...]
-    repairs: tuple[Repairs, ...]
-    interventions: tuple[Intervention, ...]
+    shown: tuple[Shown, ...]  # the first new scenes, the same for all models
+    repairs: tuple[Repairs, ...]  # the model's worst new scenes, the worst first
+    interventions: tuple[Intervention, ...]  # in the first new scene
     learning: Learning
+    facts: dict[str, float]  # of all new scenes: accuracy, repairs, unsafe_repairs, verdicts, verdicts_right
 
     @property
     def name(self) -> str:
@@ -118,15 +129,12 @@ class Run:
 
     @property
     def agreement(self) -> float:
-        """Return the share of cells, over all shown maps, on which model and truth agree."""
-        return float(np.mean([shown.agreement for shown in self.repairs]))
+        """Return the share of cells, over the maps of the first new scenes, on which model and truth agree."""
+        return float(np.mean([scene.agreement for scene in self.shown]))
 
-    @property
-    def repaired(self) -> tuple[int, int, int]:
-        """Return the number of repairs, of those whose end is valid, and of those accepted although it is invalid."""
-        ends = np.concatenate([shown.ends_valid for shown in self.repairs])
-        accepted = np.concatenate([shown.p[:, -1] > 0.5 for shown in self.repairs])
-        return len(ends), int(ends.sum()), int((accepted & ~ends).sum())
+    def first_step(self, rank: int) -> int:
+        """Return where the worst scene of that rank begins on repair_step: after those before it, with a gap each."""
+        return rank * (self.repairs[0].log_odds.shape[1] + 1)
 
 
 def grouped(runs: Sequence[Run], name: str) -> dict[str, list[Run]]:
@@ -148,6 +156,8 @@ class Sources:
     paths: dict[str, Float[Array, "start step 2"]]  # their steps [m], by model
     added: AddedItems
     effects: pd.DataFrame
+    verdicts: pd.DataFrame  # of the effects, with `right`
+    accuracy: pd.Series  # by variant, user and seed
     curves: dict[str, pd.DataFrame]  # by variant
     data: str  # md5 of data/
 
@@ -157,22 +167,27 @@ def read_sources(cfg: DictConfig) -> Sources:
     folders = {name: Path(folder) for name, folder in cfg.paths.items() if folder}
     scenes, pool = read_scenes(folders["scenes"]), cfg.protocol.splits[cfg.repair.split]
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
+    accuracy = read_table(folders["evaluate"] / "accuracy.parquet").query("split == @cfg.repair.split")
+    accuracy = accuracy[accuracy["n_demos"] == cfg.main_n_demos].set_index(["variant", "user", "seed"])["accuracy"]
     repairs = read_table(folders["repair"] / "repairs.parquet", REPAIR_COLUMNS).query("method == 'gradient'")
     return Sources(
         scenes, pool, read_demos(folders["demos"]), *read_trajectories(folders["demos"]), repairs,
         read_arrays(folders["repair"] / "paths.npz"),
         read_interventions(folders["intervene"], scenes.layouts[pool]),
         read_table(folders["intervene"] / "effects.parquet", EFFECT_COLUMNS),
+        read_table(folders["intervene"] / "summary.csv").query("kind == 'add'"), accuracy,
         {variant: read_table(model_dir(cfg, variant) / "curves.parquet") for variant in cfg.variants},
         data_version(cfg.paths.data),
     )  # fmt: skip
 
 
 def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: int) -> Run:
-    """Return the contents of one model's recording, with predictions for every map cell, step and added item."""
+    """Return the contents of one model's recording, with predictions for every map cell, step and added item.
+
+    Its worst scenes are those with most repairs that it accepts although they are invalid, then with most invalid ones.
+    """
     n, margins, side = cfg.main_n_demos, cfg.users[user], cfg.record.map_side
-    images = sources.scenes.images[sources.pool][: cfg.record.scenes]
-    layouts = sources.scenes.layouts[sources.pool][: cfg.record.scenes]
+    images, layouts = sources.scenes.images[sources.pool], sources.scenes.layouts[sources.pool]
 
     def own(table: pd.DataFrame) -> pd.DataFrame:
         return table[(table["variant"] == variant) & (table["user"] == user) & (table["seed"] == seed)]
@@ -197,15 +212,33 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
         demonstrations.append(Demonstrations(scene, image, layout, z[scene], labels[scene], samples))
 
     table, paths, repairs = own(sources.repairs), sources.paths[model_name(variant, user, seed)], []
-    for scene, (image, predicted) in enumerate(zip(images, maps(model, images), strict=True)):
+    unsafe, invalid = table["accepted"].astype(bool) & ~table["valid_end"], ~table["valid_end"]
+    faults = pd.DataFrame({"scene": table["scene"], "unsafe": unsafe, "invalid": invalid}).groupby("scene").sum()
+    worst = faults.sort_values(["unsafe", "invalid"], ascending=False, kind="stable").index[: cfg.record.worst]
+    first = range(min(cfg.record.scenes, len(images)))
+    views, scenes = {}, list(dict.fromkeys([*first, *worst.tolist()]))
+    for scene, predicted in zip(scenes, maps(model, images[scenes]), strict=True):
         layout = layouts[scene : scene + 1]
-        chosen = np.flatnonzero(table["scene"].to_numpy() == scene)[: cfg.record.repairs]
+        views[scene] = Shown(scene, images[scene], layout, predicted, true_map(layout))
+    for scene in worst.tolist():
+        rows = table["scene"].to_numpy() == scene
+        order = np.lexsort((~invalid[rows], ~unsafe[rows]))[: cfg.record.repairs]  # the last key is the first
+        chosen = np.flatnonzero(rows)[np.sort(order)]
         z, steps, of_chosen = paths[chosen], paths[chosen].reshape(1, -1, 2), table.iloc[chosen]
-        p = model.probability(image[None], steps) if len(z) else np.zeros(0)
-        slacks = slack(layout, clearance(layout, steps.astype(np.float64)), margins)
+        p = model.probability(images[scene][None], steps).reshape(z.shape[:2]).astype(np.float64)
+        layout = views[scene].layout
+        slacks = slack(layout, clearance(layout, steps.astype(np.float64)), margins).reshape(z.shape[:2])
         start, ends = tuple(of_chosen["start"].tolist()), of_chosen["valid_end"].to_numpy(dtype=bool)
-        shown = start, z, p.reshape(z.shape[:2]), slacks.reshape(z.shape[:2]), ends
-        repairs.append(Repairs(scene, image, layout, predicted, true_map(layout), *shown))
+        log_odds = logit(p.clip(RESOLUTION, 1 - RESOLUTION))
+        parts = {"start": start, "z": z, "log_odds": log_odds, "slack": slacks, "ends_valid": ends}
+        repairs.append(Repairs(**vars(views[scene]), **parts, unsafe=int(faults.loc[scene, "unsafe"])))
+    shown = tuple(views[scene] for scene in first)
+    right = own(sources.verdicts.assign(seed=seed))["right"].astype(bool)
+    facts = {
+        "accuracy": round(float(sources.accuracy[variant, user, seed]), 4),
+        "repairs": len(table), "unsafe_repairs": int(unsafe.sum()),
+        "verdicts": len(right), "verdicts_right": int(right.sum()),
+    }  # fmt: skip
 
     effects, interventions = own(sources.effects), []
     added = sources.added.images[:, 0]
@@ -214,12 +247,12 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
         if len(rows):
             layout, (learned, true) = sources.added.layouts[i][:1], rows.loc[0].tolist()
             means = float(rows["effect"].mean()), float(rows["true_effect"].mean())
-            shown = (symbol, added[i], layout, predicted, true_map(layout))
-            interventions.append(Intervention(*shown, learned, true, *means, len(rows)))
+            after = (symbol, added[i], layout, predicted, true_map(layout))
+            interventions.append(Intervention(*after, learned, true, *means, len(rows)))
 
     curve = sources.curves[variant].query("user == @user and seed == @seed and n_demos == @n").sort_values("step")
     losses = {str(term): curve[term].to_numpy() for term in curve.columns if term not in CURVE_KEY}
-    by_n = {k: repairs[0].predicted if m is model else maps(m, images[:1])[0] for k, m in by_n_demos.items()}
+    by_n = {k: shown[0].predicted if m is model else maps(m, images[:1])[0] for k, m in by_n_demos.items()}
     step, by_step = curve["step"].to_numpy(), {}
     for checkpoint in sorted(cfg.checkpoints):
         if weights_path(model_dir(cfg, variant), user, seed, n, checkpoint).is_file():
@@ -231,5 +264,5 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
     fit = OmegaConf.masked_copy(cfg, read)
     fit.variants = {variant: {k: value for k, value in fit.variants[variant].items() if k != "compared"}}  # by studies
     names = variant, user, seed, n, cfg.profile, sources.data, cfg.scenes.root_seed, OmegaConf.to_yaml(fit)
-    shown = tuple(demonstrations), tuple(repairs), tuple(interventions)
-    return Run(*names, dict(margins), *shown, learning)
+    parts = tuple(demonstrations), shown, tuple(repairs), tuple(interventions)
+    return Run(*names, dict(margins), *parts, learning, facts)

@@ -1,10 +1,14 @@
-"""Open a recording in Rerun's viewer.
+"""Open recordings in Rerun's viewer, and note what was seen.
 
 python -m pipeline.viewer.review                   all variants and the truth
 python -m pipeline.viewer.review full-careful-s0   one run
 python -m pipeline.viewer.review --worst           the run with the lowest accuracy
+python -m pipeline.viewer.review --all             tables of all runs and of their worst scenes, to sort and filter
+python -m pipeline.viewer.review --between A B     overviews of two commits: where B is wrong and A was right
 python -m pipeline.viewer.review --web             in a browser, served to this machine only
 python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
+python -m pipeline.viewer.review full-careful-s0 --verdict wrong --scene 7 --note "through the glass"
+                                                   no window: add a line to reports/reviewed.csv and commit it
 """
 
 import argparse
@@ -12,19 +16,30 @@ import os
 import socket
 import subprocess
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 import pandas as pd
+from omegaconf import DictConfig
 
-from pipeline.artifacts.files import read_table
+from pipeline.artifacts.files import read_table, write_table
+from pipeline.git import environment, git
+from pipeline.git import run as run_in
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import PARAMS
+from pipeline.viewer.catalog import RUNS, SCENES, catalog
+from pipeline.viewer.compared import read_overview, write_comparison
 from pipeline.viewer.digest import digest
+from pipeline.viewer.run import OVERVIEW, layout, overview_layout
 
-OVERVIEW, EXAMPLES = "overview", 5  # EXAMPLES: recordings listed in an error message
+EXAMPLES = 5  # recordings listed in an error message
 COLUMNS = ["run", "sha256", "accuracy"]  # of recordings.csv
+REVIEWED = Path("reports/reviewed.csv")  # with the digest of the recording that was looked at
+REVIEWED_COLUMNS = ["run", "scene", "verdict", "note", "who", "when", "sha256"]
+VERDICTS = "right", "wrong", "unclear"
 
 
 def recordings(kept: Path, runs: Path) -> dict[str, Path]:
@@ -67,20 +82,77 @@ def check(kept: Path, runs: Path, run: str) -> None:
         raise InputError(f"{says}: delete it and run `make repro`")
 
 
-def show(path: Path, web: bool = False) -> int:
-    """Open Rerun's viewer on the recording, for this machine only, until it is closed; return its exit code."""
+def reviews(kept: Path) -> pd.DataFrame:
+    """Return what was noted of recordings as they are now; a note on other contents than today's is left out."""
+    if not REVIEWED.is_file():
+        return pd.DataFrame(columns=REVIEWED_COLUMNS)
+    table = read_table(REVIEWED, REVIEWED_COLUMNS).fillna({"note": ""})
+    digests = read_table(kept / "recordings.csv", COLUMNS)["sha256"]
+    return table[table["sha256"].isin(digests)]
+
+
+def note(kept: Path, runs: Path, run: str, verdict: str, scene: int | None, text: str) -> None:
+    """Add a verdict on a run, or one of its scenes, to reviewed.csv and commit that file with git's user name."""
+    contents = digest(find(kept, runs, run))
+    who, here = git(Path(), "config", "user.name").strip(), REVIEWED.is_file()
+    row = [run, scene, verdict, text, who, f"{datetime.now(UTC):%Y-%m-%d}", contents]
+    new = pd.DataFrame([row], columns=REVIEWED_COLUMNS).astype({"scene": "Int64"})
+    old = [read_table(REVIEWED, REVIEWED_COLUMNS).astype({"scene": "Int64"})] if here else []
+    write_table(REVIEWED, pd.concat([*old, new]))
+    git(Path(), "add", str(REVIEWED))
+    git(Path(), "commit", "--quiet", "--message", f"Review of {run}: {verdict}", "--", str(REVIEWED))
+
+
+def show_all(cfg: DictConfig, kept: Path, runs: Path, web: bool) -> int:
+    """Open the catalog of all recordings there are, until the viewer is closed; return its exit code."""
+    files = recordings(kept, runs)
+    commit = run_in(["git", "rev-parse", "--short", "HEAD"], Path(), capture_output=True).stdout.strip()
+    caring = [user for user, margins in cfg.users.items() if any(margin is not None for margin in margins.values())]
+    layouts = {
+        RUNS: layout(cfg.record.training_scenes),
+        OVERVIEW: overview_layout(caring or [*cfg.users], len(cfg.variants)),
+    }
+    with catalog(files, layouts, reviews(kept), commit) as client:
+        listed = read_table(kept / "recordings.csv", COLUMNS)
+        print(f"{len(files)} of {len(listed)} recordings; `make repro` writes all", flush=True)
+        entries = client.get_dataset(RUNS), client.get_table(SCENES)
+        return show([f"{client.url}/entry/{entry.id}" for entry in entries], web)
+
+
+def show_between(kept: Path, commits: tuple[str, str], web: bool) -> int:
+    """Open what the overviews of two commits show of the same models and scenes; return the viewer's exit code."""
+    with TemporaryDirectory() as folder:
+        maps = []
+        for i, commit in enumerate(commits):
+            name = f"{commit}:{(kept / OVERVIEW).as_posix()}.rrd"
+            said = subprocess.run(["git", "show", name], env=environment(), capture_output=True)
+            if said.returncode:
+                raise InputError(
+                    f"git has no {name}: expected two commits with an overview ({said.stderr.decode().strip()})"
+                )
+            (Path(folder) / f"{i}.rrd").write_bytes(said.stdout)
+            maps.append(read_overview(Path(folder) / f"{i}.rrd"))
+        worse = write_comparison(Path(folder) / "compared.rrd", *maps)
+        print(f"{worse} cells were right in {commits[0]} and are wrong in {commits[1]}", flush=True)
+        return show([str(Path(folder) / "compared.rrd")], web)
+
+
+def show(shown: list[str], web: bool = False) -> int:
+    """Open Rerun's viewer on files or addresses, for this machine only, until it is closed; return its exit code."""
     screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not (web or screen):
-        here = f"add --web to look at {path.name} in a browser, --check to verify it"
-        there = f"copy {path} to a machine with a display and run `rerun {path.name}` there"
+        names = " ".join(Path(name).name for name in shown)
+        here = f"add --web to look at {names} in a browser, --check to verify a recording"
+        there = "copy the recording to a machine with a display and run `rerun` there"
         raise InputError(f"no display to open a window on: {here}, or {there}")
-    command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(path)]
+    command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *shown]
     if web:
         with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
             page, port = one.getsockname()[1], other.getsockname()[1]  # two free ports
         command += ["--web-viewer" if screen else "--serve-web", "--web-viewer-port", f"{page}", "--port", f"{port}"]
-        proxy = quote(f"rerun+http://127.0.0.1:{port}/proxy", safe="")
-        print(f"open http://127.0.0.1:{page}/?url={proxy} in a browser; Ctrl-C stops", flush=True)
+        served = shown if "://" in shown[0] else [f"rerun+http://127.0.0.1:{port}/proxy"]
+        query = "&".join("url=" + quote(address, safe="") for address in served)
+        print(f"open http://127.0.0.1:{page}/?{query} in a browser; Ctrl-C stops", flush=True)
     try:
         return subprocess.run(command).returncode
     except KeyboardInterrupt:
@@ -94,11 +166,16 @@ def _main() -> int:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
     which.add_argument("--worst", action="store_true", help="the run with the lowest accuracy")
+    which.add_argument("--all", action="store_true", help="tables of all runs and of their worst scenes")
+    which.add_argument("--between", nargs=2, metavar=("A", "B"), help="overviews of two commits")
+    parser.add_argument("--verdict", choices=VERDICTS, help="note it of the run in reports/reviewed.csv; no window")
+    parser.add_argument("--scene", type=int, help="of the verdict: one scene of the run, not all of it")
+    parser.add_argument("--note", default="", help="of the verdict: why")
     parser.add_argument("--web", action="store_true", help="serve Rerun's web viewer to this machine")
     parser.add_argument("--check", action="store_true", help="verify the file and compare its digest; no window")
     args = parser.parse_args()
-    run, paths = args.run, load(PARAMS).paths
-    folders = Path(paths.selection), Path(paths.record) / "runs"
+    run, cfg = args.run, load(PARAMS)
+    folders = Path(cfg.paths.selection), Path(cfg.paths.record) / "runs"
     if args.worst:
         run, reason = worst(*folders)
         print(reason, flush=True)
@@ -106,7 +183,13 @@ def _main() -> int:
         check(*folders, run)
         print(f"{run}: readable, and its digest is that of recordings.csv")
         return 0
-    return show(find(*folders, run), args.web)
+    if args.verdict:
+        note(*folders, run, args.verdict, args.scene, args.note)
+        print(f"{run}: {args.verdict}, committed in {REVIEWED}")
+        return 0
+    if args.between:
+        return show_between(folders[0], args.between, args.web)
+    return show_all(cfg, *folders, args.web) if args.all else show([str(find(*folders, run))], args.web)
 
 
 if __name__ == "__main__":

@@ -4,17 +4,22 @@ Entities of a run (coordinates: see `scene`; {table}: image, outlines and names,
 
     about, text/{repairs,interventions,learning,training}    sources of the recording; explanation of each tab
     fixed/{titles,table_edges}                               titles and edges of a new scene's panels
-    table/scene_000/{table}, {starts,paths,valid,invalid}    a new scene; the repairs, with marks at valid, invalid ends
-    predicted/scene_000/{map,z_theta,lines}                  P(valid) over z_theta; the repairs' z_theta; the truth's
+    table/{table}, {starts,paths,valid,invalid}, title       a new scene; the repairs, with marks at valid, invalid ends
+    predicted/{map,z_theta,lines}                            P(valid) over z_theta; the repairs' z_theta; the truth's
                                                              boundary and each repair's trail
-    outcomes/scene_000/map                                   the model's verdicts against the truth (`Repairs.outcomes`)
-    {p_valid,slack}/scene_000                                of the repairs: the model's P(valid); true clearance beyond
-                                                             the user's margins [cm]
-    {predicted,outcomes}/learning/map, losses                the first new scene's maps while the model learns
+    outcomes/map                                             the model's verdicts against the truth (`Shown.outcomes`)
+    log_odds, slack                                          of the repairs: the model's log-odds of being valid; true
+                                                             clearance beyond the user's margins [cm]
+    first/{table}, {predicted,outcomes}/learning/map, losses the first new scene, and its maps while the model learns
     interventions/{table,predicted,truth,...}                an item added to the first new scene, and its effects
-    training/scene_000/{table}, {paths,valid,invalid}        a training scene with the user's demonstrations
+    effects/{scene,mean}                                     the effects as numbers: of the model, and true
+    training/{0,1,...}/{table}, {paths,valid,invalid}        a training scene with the user's demonstrations
 
-Time lines: repair_step (gradient steps), intervention (added items), demonstrations and train_step (learning).
+Properties, columns of Rerun's catalog: `run` (who, and how well over all new scenes) and `worst` (of each worst scene:
+its number, its last step on repair_step, the share of its map that is wrong, and the number of its unsafe repairs).
+
+Time lines: repair_step (gradient steps of one worst scene after another), intervention (added items), demonstrations
+and train_step (learning).
 
 Entities of the overview:
 
@@ -41,13 +46,14 @@ from pipeline.viewer import scene as views
 from pipeline.viewer.contents import Repairs, Run, grouped
 from pipeline.viewer.scene import TABLE_PIXELS, boundary, footprints, on_map, on_table
 from pipeline.world.bezier import curve
-from pipeline.world.rules import Margins
 
 # The time lines of a run's recording, each with the time at which it shows the entities of the other time lines.
 TIMELINES = {"repair_step": 0, "intervention": 0, "demonstrations": 1, "train_step": 0}
 REPAIR, INTERVENTION, DEMONSTRATIONS, STEPS = TIMELINES
 MAPS = {"predicted": (0, 1), "outcomes": (0, 2)}  # panels (row, column) of a new scene's maps, right of its table
-TITLES = {(0, 0): "Table", (0, 1): "Model's P(valid)", (0, 2): "Model against truth"}
+TITLES = {(0, 1): "Model's P(valid)", (0, 2): "Model against truth"}
+SCENE_TITLE = views.TITLE[None]  # of the panel with the table, which names the scene
+OVERVIEW = "overview"  # name of its recording
 SCENE, COLUMNS = "scene", 4  # the overview's time line, and the columns of its board
 FIXED = "/fixed/titles", "/fixed/table_edges"
 POINTS = 13  # points drawn along a Bezier path
@@ -69,19 +75,37 @@ _TEMPLATES.globals |= {"label": label, "grouped": grouped}
 
 
 def write_run(path: Path, run: Run) -> None:
-    """Write `run`, which has at least one new scene, to `path` with its blueprint."""
-    with views.recording_at(path, run.name, _layout(run)) as recording:
+    """Write `run`, which has at least one new scene, to `path` with its blueprint and its properties."""
+    with views.recording_at(path, run.name, layout(len(run.demonstrations))) as recording:
+        for name, facts in properties(run).items():
+            recording.send_property(name, rr.AnyValues(drop_untyped_nones=True, **facts))
         tabs = ("repairs", "interventions", "learning", "training")
         views.log_texts(recording, text("about_run", run), {tab: text(tab, run) for tab in tabs})
         views.log_titles(recording, "fixed", TITLES)
         views.log_table_edges(recording, "fixed", MAPS.values())
         for name, place in MAPS.items():
-            views.log_static(recording, name, views.panel(place, len(run.repairs[0].truth)))
-        for shown in run.repairs:
-            _log_repairs(recording, shown, run.margins)
+            views.log_static(recording, name, views.panel(place, len(run.shown[0].truth)))
+        first = run.shown[0]
+        views.log_table(recording, "first", first.image, first.layout, run.margins, static=True)
+        for rank in range(len(run.repairs)):
+            _log_repairs(recording, run, rank)
+        _log_steps(recording, run.repairs)
         _log_interventions(recording, run)
         _log_learning(recording, run)
         _log_demonstrations(recording, run)
+
+
+def properties(run: Run) -> dict[str, dict[str, Any]]:
+    """Return what Rerun's catalog shows of a run, by property and column."""
+    who = {"variant": run.variant, "user": run.user, "seed": run.seed, "n_demos": run.n_demos}
+    source = {"profile": run.profile, "data_version": run.data, "source": f"simulated, root seed {run.root_seed}"}
+    worst = {
+        "scene": [shown.scene for shown in run.repairs],
+        "step": [run.first_step(rank + 1) - 2 for rank in range(len(run.repairs))],
+        "wrong": [round(1 - shown.agreement, 3) for shown in run.repairs],
+        "unsafe_repairs": [shown.unsafe for shown in run.repairs],
+    }
+    return {"run": who | run.facts | source} | ({"worst": worst} if run.repairs else {})
 
 
 def text(name: str, *shown: Any) -> str:
@@ -89,59 +113,70 @@ def text(name: str, *shown: Any) -> str:
     return getattr(_TEMPLATES.get_template("texts.md.j2").module, name)(*shown)
 
 
-def _layout(run: Run) -> rrb.Blueprint:
-    """Return a tab per new scene, first those with repairs and with most errors, and one for each other topic."""
-    tabs: list[rrb.Container] = []
-    for shown in sorted(run.repairs, key=lambda shown: (not shown.start, shown.agreement)):
-        scene = f"scene_{shown.scene:03d}"
-        contents = (f"/{part}/{scene}/**" for part in ("table", "predicted", "outcomes"))
-        parts: list[rrb.Container | rrb.View] = [views.board((1, 3), *contents, *FIXED)]
-        if shown.start:
-            accepted = rrb.TimeSeriesView(origin=f"p_valid/{scene}", name="Model's P(valid): accepted above 0.5")
-            beyond = "True distance beyond the margin [cm]: valid above 0"
-            parts.append(rrb.Horizontal(accepted, rrb.TimeSeriesView(origin=f"slack/{scene}", name=beyond)))
-        name = f"New scene {shown.scene}: {1 - shown.agreement:.0%} wrong"
-        tabs.append(views.beside_text(name, rrb.Vertical(*parts, row_shares=[4, 3][: len(parts)]), "repairs"))
-    table = [f"/table/scene_{run.repairs[0].scene:03d}/{part}" for part in ("image", "outlines", "names")]
+def layout(training_scenes: int, name: str = "run") -> rrb.Blueprint:
+    """Return the tabs of every run: its worst scenes, and one for each other topic."""
+    scenes = views.board(
+        (1, 3), "/table/**", *(f"/predicted/{x}" for x in ("map", "lines", "z_theta")), "/outcomes/map", *FIXED
+    )
+    accepted = rrb.TimeSeriesView(origin="log_odds", name="Model's log-odds of valid: accepted above 0")
+    beyond = rrb.TimeSeriesView(origin="slack", name="True distance beyond the margin [cm]: valid above 0")
+    worst = rrb.Vertical(scenes, rrb.Horizontal(accepted, beyond), row_shares=[4, 3])
+    tabs: list[rrb.Container] = [views.beside_text("Worst scenes", worst, "repairs")]
     effects = rrb.TextDocumentView(origin="interventions/effects", name="Effects")
-    added = views.board((2, 3), *table, "/interventions/**")
+    added = views.board((2, 3), "/first/**", "/interventions/**")
     tabs.append(views.beside_text("Interventions", added, "interventions", effects))
-    maps = views.board((1, 3), *table, "/predicted/learning/**", "/outcomes/learning/**", *FIXED)
+    maps = views.board((1, 3), "/first/**", "/predicted/learning/**", "/outcomes/learning/**", *FIXED)
     losses = rrb.TimeSeriesView(origin="losses", name="Losses, on train_step")
     tabs.append(views.beside_text("Learning", rrb.Vertical(maps, losses, row_shares=[4, 3]), "learning"))
-    if run.demonstrations:
-        scenes = views.board((1, len(run.demonstrations)), "/training/**")
-        tabs.append(views.beside_text("Training scenes", scenes, "training"))
-    return views.tabbed(run.name, tabs, rrb.TimePanel(state="collapsed", timeline=REPAIR, fps=6.0, loop_mode="all"))
+    if training_scenes:
+        tabs.append(views.beside_text("Training scenes", views.board((1, training_scenes), "/training/**"), "training"))
+    return views.tabbed(name, tabs, rrb.TimePanel(state="collapsed", timeline=REPAIR, fps=6.0, loop_mode="all"))
 
 
-def _log_repairs(recording: rr.RecordingStream, shown: Repairs, margins: Margins) -> None:
-    """Log a new scene with its maps and all repairs, on the time line repair_step; the invalid starts stay visible."""
-    scene, side, count = f"scene_{shown.scene:03d}", len(shown.truth), len(shown.start)
+def _log_repairs(recording: rr.RecordingStream, run: Run, rank: int) -> None:
+    """Log one of the worst scenes with its maps and all repairs, on repair_step; the invalid starts stay visible."""
+    shown, begin = run.repairs[rank], run.first_step(rank)
+    side, count = len(shown.truth), len(shown.start)
     colours = [COLOURS[i % len(COLOURS)] for i in range(count)]
-    views.log_table(recording, f"table/{scene}", shown.image, shown.layout, margins)
-    views.log_map(recording, f"predicted/{scene}", views.p_classes(shown.predicted))
+    for timeline, time in TIMELINES.items():  # other time lines show the worst scene
+        if timeline == REPAIR or not rank:
+            recording.set_time(timeline, sequence=begin if timeline == REPAIR else time)
+    views.log_table(recording, "table", shown.image, shown.layout, run.margins)
+    title = f"Scene {shown.scene}, number {rank + 1} of the worst: {1 - shown.agreement:.0%} wrong"
+    recording.log("table/title", rr.Points2D(SCENE_TITLE, labels=[title], colors=views.ITEM, radii=0))
+    views.log_map(recording, "predicted", views.p_classes(shown.predicted))
     edges, trails = boundary(shown.truth), on_map(shown.z, side)  # trails: (repair, step, 2)
     lines = rr.LineStrips2D([*edges, *trails], colors=[*len(edges) * [views.BOUNDARY], *colours], radii=0.15)
-    views.log_static(recording, f"predicted/{scene}/lines", lines)
-    views.log_map(recording, f"outcomes/{scene}", views.OUTCOME + shown.outcomes)
-    if not count:
-        return
-
+    recording.log("predicted/lines", lines)
+    views.log_map(recording, "outcomes", views.OUTCOME + shown.outcomes)
     paths = on_table(curve(shown.z, POINTS)).swapaxes(0, 1)  # (step, repair, POINTS, 2)
     names = [str(start) for start in shown.start]
-    views.log_static(recording, f"table/{scene}/starts", rr.LineStrips2D(paths[0], colors=views.START, radii=0.2))
+    recording.log("table/starts", rr.LineStrips2D(paths[0], colors=views.START, radii=0.2))
+    for mark in ("valid", "invalid"):  # of the scene before
+        recording.log(f"table/{mark}", rr.Clear(recursive=False))
     for step, (lines, z_theta) in enumerate(zip(paths, trails.swapaxes(0, 1), strict=True)):
-        recording.set_time(REPAIR, sequence=step)
+        recording.set_time(REPAIR, sequence=begin + step)
         strips = rr.LineStrips2D(lines, colors=colours, radii=0.5, draw_order=ABOVE)
         points = rr.Points2D(z_theta, colors=colours, labels=names, radii=0.7)
-        recording.log(f"table/{scene}/paths", strips)
-        recording.log(f"predicted/{scene}/z_theta", points)
-    _log_marks(recording, f"table/{scene}", paths[-1, :, POINTS // 2], shown.ends_valid, "still invalid")  # at the end
+        recording.log("table/paths", strips)
+        recording.log("predicted/z_theta", points)
+    _log_marks(recording, "table", paths[-1, :, POINTS // 2], shown.ends_valid, "still invalid")  # at the end
     recording.reset_time()
-    for entity, values in ((f"p_valid/{scene}", shown.p), (f"slack/{scene}", 100 * shown.slack)):
-        series = {f"start {name}": row for name, row in zip(names, values, strict=True)}
-        _log_series(recording, entity, REPAIR, np.arange(values.shape[1]), series, colors=colours, widths=2)
+
+
+def _log_steps(recording: rr.RecordingStream, repairs: Sequence[Repairs]) -> None:
+    """Log log-odds and true slack of all repairs at all steps, the first repair of every scene as one series."""
+    if not repairs:
+        return
+    count, steps = max(len(shown.start) for shown in repairs), repairs[0].log_odds.shape[1] + 1
+    for entity, scale in (("log_odds", 1), ("slack", 100)):
+        values = np.full((count, len(repairs), steps), np.nan)  # a gap after each scene
+        for rank, shown in enumerate(repairs):
+            values[: len(shown.start), rank, :-1] = scale * getattr(shown, entity)
+        series = {f"repair {i + 1}": row.ravel() for i, row in enumerate(values)}
+        _log_series(
+            recording, entity, REPAIR, np.arange(len(repairs) * steps), series, colors=COLOURS[:count], widths=2
+        )
 
 
 def _log_series(
@@ -168,7 +203,7 @@ def _log_marks(recording: rr.RecordingStream, entity: str, centres: Array, valid
 
 def _log_interventions(recording: rr.RecordingStream, run: Run) -> None:
     """Log the effect of each added item on table, maps and E[V] in the first new scene: a step each."""
-    before, entity = run.repairs[0], "interventions"
+    before, entity = run.shown[0], "interventions"
     views.log_static(recording, f"{entity}/table", views.panel((1, 0), TABLE_PIXELS))
     views.log_titles(recording, entity, EFFECTS)
     views.log_table_edges(recording, entity, EFFECT_MAPS.values())
@@ -185,6 +220,10 @@ def _log_interventions(recording: rr.RecordingStream, run: Run) -> None:
             views.log_map(recording, f"{entity}/{name}", values, views.panel(place, len(values)))
         recording.log(f"{entity}/effects", views.markdown(text("effects", run, step)))
         recording.reset_time()
+    for name, suffix in (("scene", ""), ("mean", "_mean")) if run.interventions else ():
+        sides = {"model": "learned", "truth": "true"}
+        series = {k: np.array([getattr(done, v + suffix) for done in run.interventions]) for k, v in sides.items()}
+        _log_series(recording, f"effects/{name}", INTERVENTION, np.arange(len(run.interventions)), series)
 
 
 def _log_learning(recording: rr.RecordingStream, run: Run) -> None:
@@ -197,7 +236,7 @@ def _log_learning(recording: rr.RecordingStream, run: Run) -> None:
         for timeline, time in times.items():
             recording.set_time(timeline, sequence=time)
         views.log_map(recording, "predicted/learning", views.p_classes(predicted))
-        outcomes = replace(run.repairs[0], predicted=predicted).outcomes
+        outcomes = replace(run.shown[0], predicted=predicted).outcomes
         views.log_map(recording, "outcomes/learning", views.OUTCOME + outcomes)
     recording.reset_time()
     colours = [TERMS[i % len(TERMS)] for i in range(len(learning.losses))]
@@ -212,7 +251,7 @@ def _log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:
     titles = {(0, i): f"Training scene {shown.scene}" for i, shown in enumerate(run.demonstrations)}
     views.log_titles(recording, "training", titles)
     for column, shown in enumerate(run.demonstrations):
-        entity = f"training/scene_{shown.scene:03d}"
+        entity = f"training/{column}"
         views.log_static(recording, entity, views.panel((0, column), TABLE_PIXELS))
         views.log_table(recording, entity, shown.image, shown.layout, run.margins)
         fitted = on_table(curve(shown.z, POINTS))
@@ -224,23 +263,33 @@ def _log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:
         _log_marks(recording, entity, fitted[:, POINTS // 2], shown.valid, static=True)
 
 
-def write_overview(path: Path, runs: Sequence[Run]) -> None:
-    """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint: a tab per user."""
-    users = grouped(runs, "user")
-    count = 2 + max(map(len, users.values()))  # table, truth, variants
-    places = [divmod(i, COLUMNS) for i in range(count)]
-    shape = places[-1][0] + 1, min(count, COLUMNS)
+def _places(variants: int) -> list[views.Panel]:
+    """Return the overview's panels of the table, the truth and each variant."""
+    return [divmod(i, COLUMNS) for i in range(2 + variants)]
+
+
+def overview_layout(users: Sequence[str], variants: int) -> rrb.Blueprint:
+    """Return the tabs of an overview of that many variants: one for each user."""
+    places = _places(variants)
+    shape = places[-1][0] + 1, min(len(places), COLUMNS)
     boards = {user: views.board(shape, f"/{user}/**", FIXED[1]) for user in users}
     tabs = [views.beside_text(f"{user} user", shown, "overview") for user, shown in boards.items()]
     time = rrb.TimePanel(state="collapsed", timeline=SCENE, play_state="paused", fps=0.5)
-    with views.recording_at(path, "overview", views.tabbed("overview", tabs, time)) as recording:
+    return views.tabbed(OVERVIEW, tabs, time)
+
+
+def write_overview(path: Path, runs: Sequence[Run]) -> None:
+    """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint: a tab per user."""
+    users = grouped(runs, "user")
+    places = _places(max(map(len, users.values())))
+    with views.recording_at(path, OVERVIEW, overview_layout(list(users), len(places) - 2)) as recording:
         views.log_texts(recording, text("about_overview", runs), {"overview": text("overview", runs)})
         views.log_table_edges(recording, "fixed", places[1:])
         for user, of_user in users.items():
-            agreement = np.mean([[shown.agreement for shown in run.repairs] for run in of_user], axis=0)
+            agreement = np.mean([[shown.agreement for shown in run.shown] for run in of_user], axis=0)
             for step, scene in enumerate(np.argsort(agreement, kind="stable").tolist()):  # the worst first
                 recording.set_time(SCENE, sequence=step)
-                shown = {run.variant: run.repairs[scene] for run in of_user}
+                shown = {run.variant: run.shown[scene] for run in of_user}
                 first = next(iter(shown.values()))
                 titles = [f"New scene {first.scene}", "Truth"]
                 titles += [f"{label(variant)}: {of_run.agreement:.0%} right" for variant, of_run in shown.items()]

@@ -39,7 +39,7 @@ BOUNDARY, TABLE_EDGE = (213, 0, 120), (143, 143, 143)  # RGB
 BACKDROP = (24, 24, 28)  # dark, so that image edges and white titles are visible in a light theme
 LIGHT, DARK = (222, 222, 222), (62, 62, 68)  # valid and invalid where model and truth agree; no effect is dark, too
 
-# First class of P(valid) in hundredths, of `Repairs.outcomes`, and of effects from -1 to 1 in fiftieths.
+# First class of P(valid) in hundredths, of `Shown.outcomes`, and of effects from -1 to 1 in fiftieths.
 P_VALID, OUTCOME, EFFECT = 0, 101, 105
 OUTCOMES = ("invalid", DARK), ("valid", LIGHT), ("invalid, called valid", INVALID), ("valid, called invalid", VALID)
 
@@ -187,19 +187,20 @@ def log_table_edges(recording: rr.RecordingStream, entity: str, maps: Iterable[P
 
 
 def log_table(
-    recording: rr.RecordingStream, entity: str, image: UInt8[Array, "100 100 3"], layout: Layouts, margins: Margins
-) -> None:
+    recording: rr.RecordingStream, entity: str, image: UInt8[Array, "100 100 3"], layout: Layouts, margins: Margins,
+    **when: bool,
+) -> None:  # fmt: skip
     """Log the image of the one scene in `layout`, its items, the margins [m] around them, start and goal."""
-    recording.log(f"{entity}/image", jpeg(image))
+    recording.log(f"{entity}/image", jpeg(image), **when)
     items = [(symbol, on_table(outline)) for symbol, outline in footprints(layout)]
     clear = [on_table(outline) for _, outline in footprints(layout, margins)]
     colours, radii = len(items) * [ITEM] + len(clear) * [KEPT_CLEAR], len(items) * [0.25] + len(clear) * [0.12]
     outlines = [*(outline for _, outline in items), *clear]
-    recording.log(f"{entity}/outlines", rr.LineStrips2D(outlines, colors=colours, radii=radii))
+    recording.log(f"{entity}/outlines", rr.LineStrips2D(outlines, colors=colours, radii=radii), **when)
     below = [[outline[:, 0].mean(), outline[:, 1].max()] for _, outline in items]
     marks = [*on_table(np.stack([P_INIT, P_F])).tolist(), *below]
     labels, sizes = ["start", "goal", *(symbol for symbol, _ in items)], [1.2, 1.2, *len(items) * [0.0]]
-    recording.log(f"{entity}/names", rr.Points2D(marks, labels=labels, colors=ITEM, radii=sizes))
+    recording.log(f"{entity}/names", rr.Points2D(marks, labels=labels, colors=ITEM, radii=sizes), **when)
 
 
 def jpeg(image: UInt8[Array, "100 100 3"]) -> rr.EncodedImage:

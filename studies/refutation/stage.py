@@ -15,7 +15,7 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
-from pydantic import Field
+from pydantic import AfterValidator, Field
 from scipy.stats import t as student
 
 from pipeline.artifacts.files import write_arrays, write_table
@@ -37,6 +37,7 @@ from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts
 from pipeline.world.render import ImageSource, Palette, read_palette, render_scenes
 from pipeline.world.rules import clearance, valid
+from studies.refutation.origin import ask_on_support, ask_where_errors_arise
 
 Images = UInt8[Array, "version scene 100 100 3"]  # version 0 is the original scene, 1 + k has symbol k added
 Effects = Float[Array, "question seed scene"]
@@ -56,6 +57,7 @@ class World(Group):
     root_seed: Whole
     scenes: Several
     p_common_cause: settings.Chance
+    doses: Annotated[list[settings.Chance], Field(min_length=2), AfterValidator(settings.rising)]
     gap_m: Pair
     present: Share
     glasses: Count
@@ -82,17 +84,22 @@ def agree(study: Settings, parameters: Any) -> None:
     lengths = f"two lengths from scenes.layout.clear_of_items = {laid.clear_of_items} on, the smaller first [m]"
     need(laid.clear_of_items <= world.gap_m[0] <= world.gap_m[1], f"{name}.world.gap_m", world.gap_m, lengths)
     room = laid.slots - max(laid.items_per_scene) + 1
+    doses = f"doses with 0, the control, and p_common_cause = {world.p_common_cause}"
+    need({0.0, world.p_common_cause} <= set(world.doses), f"{name}.world.doses", world.doses, doses)
     few = f"a whole number from 1 to {room} (layout.slots)"
     need(world.glasses <= room, f"{name}.world.glasses", world.glasses, few)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Ask fitted models what refuters ask, then models that are fitted in the confounded world."""
+    """Ask fitted models what refuters ask and where their errors arise, then models of the confounded world."""
     check_weights(cfg)
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     ordinary = demonstrations(cfg, scenes)
-    ask_refuters(cfg, read_versions(cfg, scenes, cfg.studies.refutation.scenes), ordinary, out_dir)
+    asked = read_versions(cfg, scenes, cfg.studies.refutation.scenes)
+    ask_refuters(cfg, asked, ordinary, out_dir)
+    ask_where_errors_arise(cfg, scenes, asked, out_dir)
+    ask_on_support(cfg, scenes, out_dir)
     ask_in_confounded_world(cfg, scenes, ordinary, out_dir)
 
 
@@ -184,48 +191,92 @@ def fit_and_predict(
 
 
 def ask_in_confounded_world(cfg: DictConfig, scenes: SceneSet, ordinary: list[TrainingSet], out_dir: Path) -> None:
-    """Write association.csv, effects.csv, and worlds.npz: images of training scenes of each world.
+    """Write association.csv, effects.csv, tipping.parquet and worlds.npz: images of training scenes of two worlds.
 
-    Variants of the stages irl and clearance, which see items, are fitted in both worlds; the effects of items added to
-    ordinary scenes are then estimated as in stage intervene.
+    Models are fitted in worlds that differ in `p_common_cause` (the dose); the effects of items added to ordinary
+    scenes are then estimated as in stage intervene. Compared variants that see items are fitted at every dose, all
+    others in control and confounded world.
     """
     world, users, seeds = cfg.studies.refutation.world, list(cfg.evaluate.users), list(cfg.protocol.seeds)
-    keys = list(product((CONTROL, CONFOUNDED), seeds))
+    names = {dose: {0.0: CONTROL, world.p_common_cause: CONFOUNDED}.get(dose, f"p={dose}") for dose in world.doses}
+    keys = list(product(world.doses, seeds))
     drawn = dict(zip(keys, map_jobs(partial(draw_scenes, cfg), keys, cfg.workers, "confounded scenes"), strict=True))
-    training_sets: dict[str, list[TrainingSet]] = {ORDINARY: ordinary, CONTROL: [], CONFOUNDED: []}
-    for name, user, seed in product((CONTROL, CONFOUNDED), users, seeds):
-        laid, pictures = drawn[name, seed]
+    training_sets: dict[str, list[TrainingSet]] = {ORDINARY: ordinary} | {name: [] for name in names.values()}
+    for dose, user, seed in product(world.doses, users, seeds):
+        laid, pictures = drawn[dose, seed]
         paths = random_z_theta(stream(world.root_seed, "paths", user, seed), len(laid), cfg.main_n_demos)
-        training_sets[name].append(TrainingSet(user, seed, pictures, paths, valid(laid, paths, cfg.users[user])))
-    laid_out: dict[tuple[str, int], Layouts] = {key: laid for key, (laid, _) in drawn.items()}
+        labelled = TrainingSet(user, seed, pictures, paths, valid(laid, paths, cfg.users[user]))
+        training_sets[names[dose]].append(labelled)
+    laid_out: dict[tuple[str, int], Layouts] = {(names[dose], seed): laid for (dose, seed), (laid, _) in drawn.items()}
     laid_out |= {(ORDINARY, seed): scenes.layouts[train_pool(seed)] for seed in seeds}
 
     associations = []
-    for name, user, symbol in product(training_sets, users, SYMBOLS):
-        sets = [t for t in training_sets[name] if t.user == user]
-        near = []
-        for t in sets:
-            laid = laid_out[name, t.seed]
-            passing = clearance(laid, t.z_theta) < world.near_m  # (scene, path, slot)
-            near.append((passing & (laid.symbol == SYMBOLS.index(symbol))[:, None]).any(-1))
-        row = association(~np.concatenate([t.valid for t in sets]), np.concatenate(near))
-        associations.append({"world": name, "user": user, "symbol": symbol} | row)
+    for name, user in product(training_sets, users):
+        sets, near = [t for t in training_sets[name] if t.user == user], {}
+        for symbol in range(len(SYMBOLS)):
+            passing = []
+            for t in sets:
+                laid = laid_out[name, t.seed]
+                is_near = clearance(laid, t.z_theta) < world.near_m  # (scene, path, slot)
+                passing.append((is_near & (laid.symbol == symbol)[:, None]).any(-1))
+            near[symbol] = np.concatenate(passing)
+        invalid = ~np.concatenate([t.valid for t in sets])
+        for symbol, passing in near.items():
+            row = association(invalid, passing) | association_strength(invalid, passing, near[GLASS])
+            matters = cfg.users[user][SYMBOLS[symbol]] is not None
+            associations.append({"world": name, "user": user, "symbol": SYMBOLS[symbol], "matters": matters} | row)
 
-    fitted = [str(name) for name, v in cfg.variants.items() if v.compared and v.stage in ("irl", "clearance")]
-    both = training_sets[CONTROL] + training_sets[CONFOUNDED]
-    asked, effects = read_versions(cfg, scenes, world.scenes), []
+    see_items = [str(name) for name, v in cfg.variants.items() if v.compared and v.stage in ("irl", "clearance")]
+    fitted_in = {v: list(names) if v in see_items else [0.0, world.p_common_cause] for v in map(str, cfg.variants)}
+    sets = {v: [t for dose in doses for t in training_sets[names[dose]]] for v, doses in fitted_in.items()}
+    asked, effects, tipping = read_versions(cfg, scenes, world.scenes), [], []
     items = np.tile(added_items(asked.layouts), (len(users), 1, 1))
     truth = np.stack([[valid(x, asked.z_theta, cfg.users[user]) for x in asked.layouts] for user in users])
-    for variant, p in fit_and_predict(cfg, dict.fromkeys(fitted, both), asked, "confounded world").items():
-        control, confounded = (verdicts(users, x, truth, asked.layouts) for x in p)
-        shift = estimate_effects(added_item_effects(p[1]) - added_item_effects(p[0]), items)
+    for variant, p in fit_and_predict(cfg, sets, asked, "confounded world").items():
+        judged = {dose: verdicts(users, x, truth, asked.layouts) for dose, x in zip(fitted_in[variant], p, strict=True)}
+        for dose, rows in judged.items():
+            plate = rows[(rows["user"] == users[-1]) & (rows["symbol"] == SYMBOLS[PLATE])].iloc[0]
+            row = {"variant": variant, "dose": dose, "right": float(rows["right"].sum()), "asked": len(rows)}
+            tipping.append(row | plate[["user", "effect", "ci_low", "ci_high", "verdict", "truth"]].to_dict())
+        control, confounded = judged[0.0], judged[world.p_common_cause]
+        before, after = (added_item_effects(p[fitted_in[variant].index(d)]) for d in (0.0, world.p_common_cause))
+        shift = estimate_effects(after - before, items)
         shift = shift[["effect", "ci_low", "ci_high", "p_holm"]].add_prefix("shift_")
         confounded = confounded.join(shift.rename(columns={"shift_effect": "shift"}))
         for name, rows in ((CONTROL, control), (CONFOUNDED, confounded)):
             effects.append(pd.DataFrame({"world": name, "variant": variant}, index=rows.index).join(rows))
     write_table(out_dir / "association.csv", pd.DataFrame(associations))
     write_table(out_dir / "effects.csv", pd.concat(effects, ignore_index=True))
-    write_arrays(out_dir / "worlds.npz", {x: drawn[x, seeds[0]][1][:SHOWN] for x in (CONTROL, CONFOUNDED)})
+    write_table(out_dir / "tipping.parquet", pd.DataFrame(tipping))
+    shown = {CONTROL: 0.0, CONFOUNDED: world.p_common_cause}
+    write_arrays(out_dir / "worlds.npz", {x: drawn[dose, seeds[0]][1][:SHOWN] for x, dose in shown.items()})
+
+
+def association_strength(
+    invalid: Bool[Array, "scene path"], near: Bool[Array, "scene path"], cause: Bool[Array, "scene path"]
+) -> dict[str, float]:
+    """Return `risk_ratio`, P(invalid | near) / P(invalid | not near), its `e_value`, and the cause's `bias_factor`.
+
+    e_value: how strongly, as a risk ratio, a hidden common cause must go with both for it to explain all of the ratio
+    (VanderWeele and Ding, 2017, doi 10.7326/M16-2607). bias_factor: the largest ratio that passing near the `cause` can
+    explain, by its own two ratios (Ding and VanderWeele, 2016, Epidemiology 27(3), 368-377). Ratios below 1 are
+    turned over; what is infinite or undefined is NaN.
+    """
+
+    def ratio(outcome: Array, exposed: Array) -> float:
+        one, other = (np.float64(outcome[side].mean() if side.any() else np.nan) for side in (exposed, ~exposed))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return float(one / other)
+
+    found = ratio(invalid, near)
+    found = found if np.isfinite(found) else np.nan
+    above = max(found, 1 / found) if found > 0 else np.nan
+    with_near, with_invalid = ratio(cause, near), ratio(invalid, cause)
+    inverse = 0.0
+    if min(with_near, with_invalid) >= 1:  # also of infinite ones
+        inverse = 1 / with_near + 1 / with_invalid - 1 / (with_near * with_invalid)
+    bias = 1 / inverse if inverse > 0 else np.nan
+    return {"risk_ratio": found, "e_value": float(above + np.sqrt(above * (above - 1))), "bias_factor": bias}
 
 
 def association(invalid: Bool[Array, "scene path"], near: Bool[Array, "scene path"]) -> dict[str, float]:
@@ -246,13 +297,12 @@ def association(invalid: Bool[Array, "scene path"], near: Bool[Array, "scene pat
     return {"difference": difference, "ci_low": difference - half_width, "ci_high": difference + half_width}
 
 
-def draw_scenes(cfg: DictConfig, key: tuple[str, int]) -> tuple[Layouts, UInt8[Array, "scene 100 100 3"]]:
-    """Draw a seed's training scenes of a world; textures, lights and cameras do not depend on the world."""
-    (name, seed), count = key, cfg.scenes.per_seed
+def draw_scenes(cfg: DictConfig, key: tuple[float, int]) -> tuple[Layouts, UInt8[Array, "scene 100 100 3"]]:
+    """Draw a seed's training scenes at a dose; textures, lights and cameras do not depend on the dose."""
+    (p_common_cause, seed), count = key, cfg.scenes.per_seed
     world = World.model_validate(OmegaConf.to_container(cfg.studies.refutation.world))
     catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
     rng, rules = stream(world.root_seed, "scenes", train_pool(seed)), LayoutRules.of(cfg.scenes.layout)
-    p_common_cause = world.p_common_cause if name == CONFOUNDED else 0.0
     items = catalogue.footprints, catalogue.pool("train")
     layouts = layout.concatenated([lay_out(r, *items, rules, world, p_common_cause) for r in rng.spawn(count)])
     textures, seeds = rng.choice(catalogue.texture_names("train"), count), rng.integers(2**31, size=count)

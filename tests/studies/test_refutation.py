@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from numpy.random import default_rng as rng
 
 from pipeline.world.layout import Items, Layouts, concatenated, segment_distance
-from studies.refutation.stage import GLASS, PLATE, World, association, lay_out
+from studies.refutation.origin import NO_SUCH_KIND_M, layout_distance, true_objects
+from studies.refutation.stage import GLASS, PLATE, World, association, association_strength, lay_out
 from tests.factories import RULES, least_gaps
 
 # Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
@@ -18,7 +19,9 @@ ROUND_AND_OVAL = Items(
     np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.054, 0.013, 0.0375]),
 )
 ROUND, OVAL = np.arange(4), np.arange(4, 8)
-WORLD = World(root_seed=0, scenes=2, p_common_cause=0.9, gap_m=[0.015, 0.04], present=0.8, glasses=2, near_m=0.045)
+WORLD = World(
+    root_seed=0, scenes=2, p_common_cause=0.9, doses=[0, 0.9], gap_m=[0.015, 0.04], present=0.8, glasses=2, near_m=0.045
+)
 
 
 def drawn(seed: int, scenes: int, pool: np.ndarray, p: float = 0.9) -> Layouts:
@@ -68,3 +71,38 @@ def test_a_common_cause_associates_what_has_no_effect():
     assert association(invalid, p)["ci_low"] > 0.5
     adjusted = association(invalid[g].reshape(-1, 1), p[g].reshape(-1, 1))
     assert adjusted["ci_low"] < 0 < adjusted["ci_high"]
+
+
+def test_the_e_value_is_the_published_one_and_the_true_common_cause_explains_its_association():
+    """VanderWeele and Ding (2017): a risk ratio of 3.9 has the E-value 7.26."""
+    near = np.arange(2000)[:, None] < 1000
+    invalid = np.arange(2000)[:, None] % 1000 < np.where(near, 390, 100)
+    assert association_strength(invalid, near, near)["e_value"] == pytest.approx(7.26, abs=0.005)
+    g, alone, bound, bad = rng(11).uniform(size=(4, 400, 9)) < np.array([0.4, 0.4, 0.9, 0.8])[:, None, None]
+    never, p = rng(12).uniform(size=(400, 9)) < 0.1, np.where(bound, g, alone)
+    strength = association_strength((g & bad) | never, p, g)
+    assert 1 < strength["risk_ratio"] <= strength["bias_factor"]
+
+
+def test_what_is_told_of_an_item_is_its_true_capsule():
+    layouts = drawn(1, 6, ROUND)
+    for scene in range(len(layouts)):
+        objects = true_objects(np.full((100, 100, 3), 120, np.uint8), layouts[[scene]])
+        present = layouts.present[scene]
+        centres = np.mean([one.ends for one in objects], axis=1)
+        np.testing.assert_allclose(centres, layouts.centre[scene][present], atol=0.002)
+        np.testing.assert_allclose([one.radius for one in objects], layouts.radius[scene][present], atol=0.003)
+
+
+def test_a_layout_is_no_distance_from_itself_and_far_from_one_without_its_kind():
+    layouts = drawn(2, 8, ROUND)
+    assert (layout_distance(layouts, layouts) == 0).all()
+    moved = layouts[[0]]
+    moved.centre[:] += 0.03
+    alone = layout_distance(moved, layouts[[0]])
+    assert 0 < alone[0] <= 0.03 * np.sqrt(2) + 1e-9
+    other = layouts[[0]]
+    other.symbol[other.present] = (other.symbol[other.present] + 1) % 4
+    kinds = set(layouts.symbol[0][layouts.present[0]])
+    if kinds != {(kind + 1) % 4 for kind in kinds}:
+        assert layout_distance(layouts[[0]], other)[0] == NO_SUCH_KIND_M

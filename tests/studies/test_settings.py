@@ -14,7 +14,8 @@ WRONG = {  # study: values of its settings, each refused by the setting's name
     "fairness": "scenes={full: [20]} | scenes.full=[12, 6] | scenes_seeds=1 | seen_scenes=7 | clear_cm=[4, 0]",
     "users": "draws=0 | level=1.0 | samples=0 | neighbours=0 | reported=[1, 1000] | stranger=" + MARGINS,
     "perception": "pictures=0 | rendered=[] | headlines.taught_tops=train",
-    "refutation": "scenes=3 | far_m=0.04 | pieces=[3] | world.gap_m=[0.001, 0.04] | world.glasses=3",
+    "refutation": "scenes=3 | far_m=0.04 | pieces=[3] | world.gap_m=[0.001, 0.04] | world.glasses=3 | "
+    "world.doses=[0, 0.5]",
     "safety": "envelope.doses=1 | envelope.planner=unknown | envelope.clear_of_others=0.04 | acceptance.variants=[] | "
     "acceptance.level=1.0 | acceptance.fitted=20 | acceptance.levels=[0.2, 0.1] | acceptance.levels=[0.1]",
     "shift": "scenes=10000 | corruptions.blur=[2, 1] | corruptions={fog: [0.1]} | mislabelled={full: [0.1]}",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rerun.chunk import RrdReader
 
-from pipeline.viewer.contents import Demonstrations, Intervention, Learning, Repairs, Run
+from pipeline.viewer.contents import Demonstrations, Intervention, Learning, Repairs, Run, Shown
 from pipeline.world.bezier import curve, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, empty
 from pipeline.world.rules import clearance, slack, valid
@@ -56,8 +56,8 @@ def a_run(repairs: int = 3) -> Run:
         demonstrations.append(Demonstrations(scene, an_image(rng), layout, z, labels, samples))
         steps = random_z_theta(rng, repairs, STEPS + 1).astype(np.float32)
         slacks = slack(layout, clearance(layout, steps.reshape(1, -1, 2)), MARGINS).reshape(repairs, STEPS + 1)
-        ends, p = valid(layout, steps[None, :, -1].astype(float), MARGINS)[0], rng.random(slacks.shape, np.float32)
-        shown = tuple(range(0, 2 * repairs, 2)), steps, p, slacks, ends
+        ends = valid(layout, steps[None, :, -1].astype(float), MARGINS)[0]
+        shown = tuple(range(0, 2 * repairs, 2)), steps, rng.normal(0, 9, slacks.shape), slacks, ends, 5
         repaired.append(Repairs(scene, an_image(rng), layout, a_map(rng), true_map(layout), *shown))
     for symbol in SYMBOLS:
         more, image = a_layout(), repaired[0].image.copy()
@@ -72,7 +72,10 @@ def a_run(repairs: int = 3) -> Run:
     by_n, by_step = ({at: a_map(rng) for at in points} for points in ((1, 5, 9), (0, 50, 100, 200, 400, 700, 1000)))
     learning = Learning(np.arange(0, 1000, 10), losses, by_n, by_step)
     names = ("full", "careful", 3, 9, "paper", "0123456789ab", 2040, "train: {rate: 0.003}\n")
-    return Run(*names, MARGINS, tuple(demonstrations[:2]), tuple(repaired), tuple(interventions), learning)
+    shown = tuple(Shown(x.scene, x.image, x.layout, x.predicted, x.truth) for x in repaired)
+    facts = {"accuracy": 0.5, "repairs": 90, "unsafe_repairs": 7, "verdicts": 4, "verdicts_right": 3}
+    parts = tuple(demonstrations[:2]), shown, tuple(repaired), tuple(interventions)
+    return Run(*names, MARGINS, *parts, learning, facts)
 
 
 def some_runs() -> list[Run]:
@@ -80,10 +83,10 @@ def some_runs() -> list[Run]:
     rng, runs = np.random.default_rng(1), []
     whole, none = a_run(repairs=1), dict.fromkeys(MARGINS) | {"glass": 0.042}
     for variant, (user, margins) in product(("full", "ae"), (("careful", MARGINS), ("normal", none))):
-        truths = [shown.truth if user == "careful" else np.ones_like(shown.truth) for shown in whole.repairs]
-        pairs = zip(whole.repairs, truths, strict=True)
-        repairs = tuple(replace(shown, predicted=a_map(rng), truth=truth) for shown, truth in pairs)
-        runs.append(replace(whole, variant=variant, user=user, margins=margins, repairs=repairs))
+        truths = [shown.truth if user == "careful" else np.ones_like(shown.truth) for shown in whole.shown]
+        pairs = zip(whole.shown, truths, strict=True)
+        scenes = tuple(replace(shown, predicted=a_map(rng), truth=truth) for shown, truth in pairs)
+        runs.append(replace(whole, variant=variant, user=user, margins=margins, shown=scenes))
     return runs
 
 

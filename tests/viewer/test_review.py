@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.git import git
 from pipeline.runtime.errors import InputError
+from pipeline.viewer.catalog import RUNS, SCENES, catalog
 from pipeline.viewer.digest import digest
-from pipeline.viewer.review import check, find, worst
-from pipeline.viewer.run import write_run
+from pipeline.viewer.review import REVIEWED, check, find, note, recordings, reviews, worst
+from pipeline.viewer.run import layout, write_run
 from tests.viewer.example import a_run
 
 NONE = Path("no such folder")  # of recordings by the stage
@@ -52,3 +54,29 @@ def test_damaged_files_and_other_contents_than_those_listed_are_refused(kept: Pa
     (tmp_path / "full-careful-s3.rrd").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match="is damaged"):
         check(kept, tmp_path, "full-careful-s3")
+
+
+def test_the_catalog_has_every_run_with_its_facts_and_links_to_its_worst_scenes(
+    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    git(tmp_path, "init", "--quiet")
+    git(tmp_path, "config", "user.name", "Zoë")
+    git(tmp_path, "config", "user.email", "zoe@localhost")
+    note(kept, NONE, "full-careful-s3", "right", None, "")
+    note(kept, NONE, "full-careful-s3", "wrong", 1, 'through the "glass", twice')
+    assert git(tmp_path, "log", "--format=%s %an").splitlines()[0] == "Review of full-careful-s3: wrong Zoë"
+    assert git(tmp_path, "status", "--porcelain") == ""
+    files = recordings(kept, NONE)
+    before = files["full-careful-s3"].read_bytes()
+    with catalog(files, {RUNS: layout(2)}, reviews(kept), "abc") as client:
+        (run,) = client.get_dataset(RUNS).segment_table().to_pandas().to_dict("records")
+        scenes = client.get_table(SCENES).reader().to_pandas().set_index("scene")
+    facts = {"run:accuracy": 0.5, "run:unsafe_repairs": 7, "review:commit": "abc", "review:verdict": "right"}
+    assert {name: run[f"property:{name}"][0] for name in facts} == facts
+    assert scenes.loc[1, ["verdict", "note"]].tolist() == ["wrong", 'through the "glass", twice']
+    assert scenes["verdict"].isna().sum() == 2
+    assert str(scenes.loc[1, "link"]).endswith("segment_id=full-careful-s3#when=repair_step@62")
+    assert files["full-careful-s3"].read_bytes() == before
+    REVIEWED.write_text(REVIEWED.read_text().replace(digest(files["full-careful-s3"]), "of other contents"))
+    assert reviews(kept).empty

@@ -11,7 +11,7 @@ from pipeline.viewer.digest import digest
 from pipeline.viewer.run import EVERY, POINTS, write_run
 from pipeline.viewer.scene import OUTCOME, boundary, on_map, on_table, p_classes
 from pipeline.world.bezier import curve
-from tests.viewer.example import SIDE, STEPS, a_run, read, read_maps
+from tests.viewer.example import SIDE, STEPS, a_run, read, read_maps, read_timed
 
 pytestmark = pytest.mark.slow
 
@@ -29,47 +29,59 @@ def recording(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_maps_are_the_models_and_the_truth_s_with_the_largest_y_on_top(run: Run, recording: Path) -> None:
-    for shown in run.repairs:
-        scene, accepted = f"scene_{shown.scene:03d}", shown.predicted > 0.5
-        assert np.array_equal(read_maps(recording, f"predicted/{scene}")[0], p_classes(shown.predicted))
-        outcomes = read_maps(recording, f"outcomes/{scene}")[0].astype(int) - OUTCOME
+    maps = [read_maps(recording, entity, timeline="repair_step") for entity in ("predicted", "outcomes")]
+    lines = read(recording, "predicted/lines", "LineStrips2D:strips", "repair_step")
+    for shown, predicted, outcomes, drawn in zip(run.repairs, *maps, lines, strict=True):
+        accepted, outcomes = shown.predicted > 0.5, outcomes.astype(int) - OUTCOME
+        assert np.array_equal(predicted, p_classes(shown.predicted))
         assert np.array_equal(np.isin(outcomes, (ACCEPTED, FALSELY_VALID)), accepted)
         assert np.array_equal(np.isin(outcomes, (ACCEPTED, FALSELY_INVALID)), shown.truth)
         assert shown.agreement == np.isin(outcomes, (ACCEPTED, REJECTED)).mean()
-        (lines,) = read(recording, f"predicted/{scene}/lines", "LineStrips2D:strips")
-        assert np.array_equal(lines[: -len(shown.start)], boundary(shown.truth))
-        assert np.allclose(lines[-len(shown.start) :], on_map(shown.z, SIDE), atol=1e-4)
+        assert np.array_equal(drawn[: -len(shown.start)], boundary(shown.truth))
+        assert np.allclose(drawn[-len(shown.start) :], on_map(shown.z, SIDE), atol=1e-4)
 
 
-def test_every_repair_is_there_at_its_step(run: Run, recording: Path) -> None:
-    for shown in run.repairs:
-        scene = f"scene_{shown.scene:03d}"
-        paths = np.array(read(recording, f"table/{scene}/paths", "LineStrips2D:strips"))
-        assert paths.shape == (STEPS + 1, len(shown.start), POINTS, 2)
-        assert np.allclose(paths.swapaxes(0, 1), on_table(curve(shown.z, POINTS)), atol=1e-4)
-        (starts,) = read(recording, f"table/{scene}/starts", "LineStrips2D:strips")
-        assert np.allclose(starts, paths[0])
-        points = np.array(read(recording, f"predicted/{scene}/z_theta", "Points2D:positions"))
-        assert np.allclose(points.swapaxes(0, 1), on_map(shown.z, SIDE), atol=1e-4)
-        assert np.array_equal(np.array(read(recording, f"p_valid/{scene}", "Scalars:scalars")).T, shown.p.astype(float))
-        slack = np.array(read(recording, f"slack/{scene}", "Scalars:scalars")).T
-        assert np.array_equal(slack, 100 * shown.slack)
+def test_every_repair_is_there_at_its_step_one_worst_scene_after_another(run: Run, recording: Path) -> None:
+    paths = dict(read_timed(recording, "table/paths", "LineStrips2D:strips", "repair_step"))
+    points = dict(read_timed(recording, "predicted/z_theta", "Points2D:positions", "repair_step"))
+    series = {name: dict(read_timed(recording, name, "Scalars:scalars")) for name in ("log_odds", "slack")}
+    for rank, shown in enumerate(run.repairs):
+        steps = range(run.first_step(rank), run.first_step(rank) + STEPS + 1)
+        drawn = np.array([paths[step] for step in steps])
+        assert drawn.shape == (STEPS + 1, len(shown.start), POINTS, 2)
+        assert np.allclose(drawn.swapaxes(0, 1), on_table(curve(shown.z, POINTS)), atol=1e-4)
+        assert np.allclose(np.swapaxes([points[step] for step in steps], 0, 1), on_map(shown.z, SIDE), atol=1e-4)
+        log_odds, slack = (np.array([values[step] for step in steps]).T for values in series.values())
+        assert np.array_equal(log_odds, shown.log_odds) and np.array_equal(slack, 100 * shown.slack)
         assert np.array_equal(slack[:, -1] > 0, shown.ends_valid)
+        assert rank == 0 or np.isnan(series["slack"][steps[0] - 1]).all()
 
 
-def test_the_text_counts_the_ends_that_are_marked_valid_or_not(run: Run, recording: Path) -> None:
-    entities = [f"table/scene_{shown.scene:03d}" for shown in run.repairs]
-    discs = sum(len(x) for entity in entities for x in read(recording, f"{entity}/valid", "Points2D:positions"))
-    crosses = sum(len(x) for entity in entities for x in read(recording, f"{entity}/invalid", "LineStrips2D:strips"))
-    assert discs == sum(shown.ends_valid.sum() for shown in run.repairs) and crosses > 0
-    accepted = sum(((shown.p[:, -1] > 0.5) & ~shown.ends_valid).sum() for shown in run.repairs)
-    ((words,),) = read(recording, "text/repairs", "TextDocument:text")
-    assert f"**{discs} of {discs + crosses}** repairs" in words and f"accepts {accepted} that do not" in words
+def test_marks_of_one_scene_end_with_it(run: Run, recording: Path) -> None:
+    marks = [("valid", "Points2D:positions"), ("invalid", "LineStrips2D:strips")]
+    drawn = [dict(read_timed(recording, f"table/{mark}", name, "repair_step")) for mark, name in marks]
+    cleared = [dict(read_timed(recording, f"table/{m}", "Clear:is_recursive", "repair_step")) for m, _ in marks]
+    for rank, shown in enumerate(run.repairs):
+        last = run.first_step(rank) + STEPS
+        counts = [len(by_step[last] or ()) if last in by_step else 0 for by_step in drawn]
+        assert counts == [shown.ends_valid.sum(), (~shown.ends_valid).sum()]
+        assert all(run.first_step(rank) in by_step for by_step in cleared)
+
+
+def test_a_recording_carries_its_facts_and_its_effects_as_numbers(run: Run, recording: Path) -> None:
+    facts = {"variant": "full", "user": "careful", "seed": 3, "n_demos": 9, "data_version": "0123456789ab"}
+    for name, value in (facts | dict(run.facts)).items():
+        assert read(recording, "__properties/run", name) == [[value]]
+    assert read(recording, "__properties/worst", "scene") == [[shown.scene for shown in run.repairs]]
+    (last,) = read(recording, "__properties/worst", "step")
+    assert last == [run.first_step(rank) + STEPS for rank in range(len(run.repairs))]
+    effects = read(recording, "effects/scene", "Scalars:scalars")
+    assert effects == [[done.learned, done.true] for done in run.interventions]
 
 
 def test_demonstrations_are_drawn_as_fitted_and_as_recorded(run: Run, recording: Path) -> None:
-    for shown in run.demonstrations:
-        entity, count = f"training/scene_{shown.scene:03d}", len(shown.z)
+    for column, shown in enumerate(run.demonstrations):
+        entity, count = f"training/{column}", len(shown.z)
         (lines,) = read(recording, f"{entity}/paths", "LineStrips2D:strips")
         (radii,) = read(recording, f"{entity}/paths", "LineStrips2D:radii")
         assert np.allclose(lines[:count], on_table(curve(shown.z, POINTS)), atol=1e-4)
@@ -83,7 +95,7 @@ def test_demonstrations_are_drawn_as_fitted_and_as_recorded(run: Run, recording:
 
 def test_the_digest_changes_with_any_part(run: Run, recording: Path, tmp_path: Path) -> None:
     *others, last = run.repairs
-    parts = ({"p": np.nextafter(last.p, np.float32(2))}, {"truth": ~last.truth}, {"ends_valid": ~last.ends_valid})
+    parts = ({"log_odds": np.nextafter(last.log_odds, 99)}, {"truth": ~last.truth}, {"ends_valid": ~last.ends_valid})
     changes = [{"repairs": (*others, replace(last, **part))} for part in parts]
     changes += [{"learning": replace(run.learning, by_step={0: last.predicted})}, {"demonstrations": ()}, {"seed": 4}]
     for changed in changes:
