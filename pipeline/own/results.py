@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pandas as pd
 from matplotlib.font_manager import findfont, get_font
 
-from pipeline.own import fitting, kinds
+from pipeline.own import asked, fitting, kinds
 from pipeline.own.fitting import VARIANT, Fitted, UserData, fit_user
 from pipeline.own.folder import Folder
 from pipeline.own.seen import compared
@@ -78,6 +78,8 @@ def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
         tables["distances"] = by_user(lambda one: kinds.envelopes(one, added, folder, tables["interventions"]))
     progress("repairs")
     tables["repaired"] = by_user(lambda one: fitting.repairs(one, scale))
+    progress("answers to `ask`")
+    tables |= asked.tables(folder, fitted)
     unlisted = 0
     if folder.told:
         tables["detections"], unlisted = compared(folder.seen, folder.scenes)
