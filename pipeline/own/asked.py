@@ -93,9 +93,9 @@ def digest(path: Path) -> str:
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
 
-def sittings(path: Path) -> list[Sitting]:
-    """Return all sittings of a folder in the order of their numbers."""
-    return [Sitting.read(file) for file in sorted((path / ASKED).glob("[0-9]*.json"))]
+def sittings(path: Path) -> dict[Path, Sitting]:
+    """Return all sittings of a folder by file, in the order of their numbers."""
+    return {file: Sitting.read(file) for file in sorted((path / ASKED).glob("[0-9][0-9][0-9].json"))}
 
 
 def prepare(folder: Folder, user: str, seed: str) -> dict[str, Any]:
@@ -295,7 +295,7 @@ def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFra
     asked_agreement: as `experiment` gives them; asked_repairs: the share accepted by role of the path. All by user.
     """
     now, parts = digest(folder.path), dict[str, list[pd.DataFrame]]()
-    for sitting in sittings(folder.path):
+    for sitting in sittings(folder.path).values():
         if sitting.digest != now or not sitting.answers or sitting.user not in fitted:
             continue
         trials = sitting.trials()

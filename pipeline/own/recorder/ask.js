@@ -14,8 +14,11 @@ function say(text, kind = "") {
   $("message").className = `message ${kind}`;
 }
 
+const busy = is => document.body.setAttribute("aria-busy", is);
+
 async function show(told) {
   next = null;
+  busy(true);
   $("trial").hidden = false;
   $("undo").disabled = !told.answered;
   $("count").textContent = `${told.answered} judged, about ${Math.ceil(told.left_s / 60)} minutes left`;
@@ -23,6 +26,7 @@ async function show(told) {
   if (told.trial === null) {
     next = told;
     board.redraw();
+    busy(false);
     say("That is all. Thank you! You may close this page, and end the recorder with Ctrl-C.", "good");
     return;
   }
@@ -30,6 +34,8 @@ async function show(told) {
   next = told;
   board.redraw();
   since = performance.now();
+  sending = false;
+  busy(false);
 }
 
 async function send(path, values) { // shows what is due, also after an answer from another window
@@ -85,4 +91,4 @@ ask("/api/overview").then(({ users }) => {
     return button;
   }));
   $("who").hidden = false;
-}).catch(error => say(error.message, "bad")).then(() => document.body.setAttribute("aria-busy", "false"));
+}).catch(error => say(error.message, "bad")).then(() => busy(false));

@@ -39,14 +39,11 @@ class Asking:
         self.lock = Lock()
         self.files: dict[str, Path] = {}  # of each user's sitting
         self.kept: dict[str, Sitting] = {}
-        for number, sitting in enumerate(sittings(folder.path), 1):
+        earlier = sittings(folder.path)
+        for file, sitting in earlier.items():
             if sitting.digest == self.digest:
-                self.kept[sitting.user], self.files[sitting.user] = sitting, self.file(number)
-        self.apart = sum(sitting.digest != self.digest for sitting in sittings(folder.path))
-
-    def file(self, number: int) -> Path:
-        """Return the file of a sitting."""
-        return self.folder.path / ASKED / f"{number:03d}.json"
+                self.kept[sitting.user], self.files[sitting.user] = sitting, file
+        self.apart = sum(sitting.digest != self.digest for sitting in earlier.values())
 
     def overview(self) -> dict[str, Any]:
         """Return who may be asked."""
@@ -59,11 +56,11 @@ class Asking:
             raise InputError(f"there is no user {user!r} here: reload the page")
         with self.lock:
             if user not in self.kept:
-                number = len(list((self.folder.path / ASKED).glob("[0-9]*.json"))) + 1
-                content = prepare(self.folder, user, f"{self.digest}/{user}")
-                self.files[user] = self.file(number)
-                write_durably(self.files[user], json.dumps(content, ensure_ascii=False, indent=1))
-                self.kept[user] = Sitting.read(self.files[user])
+                content = json.dumps(prepare(self.folder, user, f"{self.digest}/{user}"), ensure_ascii=False, indent=1)
+                folder = self.folder.path / ASKED
+                number = max((int(file.stem) for file in sittings(self.folder.path)), default=0) + 1
+                write_durably(file := folder / f"{number:03d}.json", content)
+                self.files[user], self.kept[user] = file, Sitting.read(file)
             return self.shown(user)
 
     @as_sent

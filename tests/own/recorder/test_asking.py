@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline import library
+from pipeline.own import asked, fitting
 from pipeline.own.asked import Sitting, sittings
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.recorder.asking import Asking, main
@@ -54,7 +56,7 @@ def test_the_sitting_is_written_before_the_first_trial_and_each_answer_before_th
 
 
 def test_items_are_near_the_path_as_the_plan_says_and_free_of_the_path_itself(folder: Folder):
-    plan = sittings(folder.path)[0].plan
+    plan = sittings(folder.path)[folder.path / "asked" / "001.json"].plan
     cups = plan[plan["condition"] == "cup"]
     near = cups["near"].astype(bool)
     assert len(cups) > 30 and cups["clearance_m"].min() >= 0
@@ -81,7 +83,7 @@ def test_two_windows_two_people_and_a_time_that_is_over(folder: Folder):
     with pytest.raises(InputError, match="another window"):
         asking.answer(user="Ana", trial=told["trial"], valid=False, response_ms=1000.0)
     answer(asking, 3, "Jürgen")
-    assert [(s.user, len(s.answers)) for s in sittings(folder.path)] == [("Ana", 1), ("Jürgen", 3)]
+    assert [(s.user, len(s.answers)) for s in sittings(folder.path).values()] == [("Ana", 1), ("Jürgen", 3)]
     assert Asking(folder, None, 0.01).begin(user="Ana")["trial"] is None
     told = asking.begin(user="Ana")
     asking.answer(user="Ana", trial=told["trial"], valid=True, response_ms=-5e9)  # a clock that was set back
@@ -113,3 +115,23 @@ def test_folders_that_leave_nothing_to_ask_are_refused(tmp_path: Path):
     (path / "asked" / "001.json").write_text("{")
     with pytest.raises(InputError, match=r"001\.json in asked/ cannot be read"):
         Sitting.read(path / "asked" / "001.json")
+
+
+def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(folder: Folder, monkeypatch):
+    monkeypatch.setitem(library.TRAINING["clearance"], "steps", 5)
+    monkeypatch.setattr(fitting, "SHARES", (1.0,))
+    asking = Asking(folder, "Ana", 10.0)
+    told = asking.begin(user="Ana")
+    plan = asking.kept["Ana"].plan
+    for _ in range(30):
+        refused = plan["condition"][told["trial"]] == "cup"
+        told = asking.answer(user="Ana", trial=told["trial"], valid=not refused, response_ms=900.0)
+    fitted = {"Ana": fitting.fit_user(fitting.UserData.of("Ana", folder), lambda _: None)}
+    made = asked.tables(folder, fitted)
+    effects = made["asked_effects"].set_index("kind")
+    assert effects.loc["cup", "effect"] == -1 and effects.loc["sticker", "effect"] == 0
+    assert -1 <= effects.loc["cup", "model_effect"] <= 1
+    agreed = made["asked_agreement"].set_index("who")
+    assert agreed.loc["self", "share"] == 1 and agreed.loc["ceiling", "share"] == 1
+    repairs = made["asked_repairs"].set_index("role")
+    assert repairs.loc["valid", "share"] == 1 and repairs.loc["valid", "ci_low"] < 1
