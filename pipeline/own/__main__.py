@@ -4,6 +4,7 @@ python -m pipeline.own FOLDER           check the folder, fit a model to each us
 python -m pipeline.own check FOLDER     only explain what is wrong with it
 python -m pipeline.own record FOLDER    a local page on which people draw paths and judge them
 python -m pipeline.own import LOG FOLDER    a new folder from a ROS bag, a LeRobot data set or a csv file
+python -m pipeline.own ask FOLDER       a local page that asks people about paths with and without an item (docs/ask.md)
 """
 
 import sys
@@ -15,9 +16,12 @@ from pipeline.runtime.errors import InputError, reported
 
 def main(arguments: list[str]) -> int:
     """Run one command; return 0, 1 if the folder has faults, 2 for a wrong command."""
-    if arguments[:1] == ["record"]:
+    if arguments[:1] in (["record"], ["ask"]):
         try:
-            from pipeline.own.recorder.serve import main as record
+            if arguments[0] == "ask":
+                from pipeline.own.recorder.asking import main as record
+            else:
+                from pipeline.own.recorder.serve import main as record
         except ModuleNotFoundError as error:
             raise InputError(f"the recorder needs {error.name}: pip install 'causal-specifications[record]'") from error
         return record(arguments[1:])

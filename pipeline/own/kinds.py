@@ -225,9 +225,16 @@ def random_paths(
 ) -> Float[Array, "row path point 2"]:
     """Draw paths [m of the model]: demonstrated ones of any scene and user, inner control points moved at random."""
     shown = folder.controls()
-    controls = shown[rng.integers(len(shown), size=(rows, count))]
-    controls[..., 1:-1, :] += SPREAD_M * rng.standard_normal(controls[..., 1:-1, :].shape)
-    return bezier(controls, points)
+    return bezier(bent(rng, shown[rng.integers(len(shown), size=(rows, count))], SPREAD_M), points)
+
+
+def bent(
+    rng: np.random.Generator, controls: Float[Array, "*path control 2"], spread_m: float
+) -> Float[Array, "*path control 2"]:
+    """Return control points [m], the inner ones moved at random by this standard deviation in each coordinate."""
+    moves = spread_m * rng.standard_normal(controls.shape)
+    moves[..., [0, -1], :] = 0
+    return controls + moves
 
 
 def ends_of_paths(folder: Folder) -> dict[str, Float[Array, "end 2"]]:

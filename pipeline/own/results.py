@@ -8,7 +8,7 @@ from jaxtyping import Float
 from matplotlib.font_manager import findfont, get_font
 from numpy import ndarray as Array
 
-from pipeline.own import fitting, kinds
+from pipeline.own import asked, fitting, kinds
 from pipeline.own.fitting import VARIANT, Fitted, UserData, fit_user
 from pipeline.own.folder import Folder
 from pipeline.own.seen import compared
@@ -88,6 +88,8 @@ def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
     repaired = [fitting.repairs(one, folder) for one in fitted.values()]
     for name, parts in zip(("repaired", "repaired_paths"), zip(*repaired, strict=True), strict=True):
         tables[name] = pd.concat(parts, ignore_index=True)
+    progress("answers to `ask`")
+    tables |= asked.tables(folder, fitted)
     unlisted = 0
     if folder.told:
         tables["detections"], unlisted = compared(folder.seen, folder.scenes)

@@ -14,14 +14,15 @@ from pipeline.training.loop import Schedule
 Settings = Schedule
 
 
-class Members(Group):
+class Shape(Group):
     members: Count
+    kinds: Literal[0, 6]  # none, or LOOKS of the segmenter
 
 
 class Variant(VariantSettings):
     stage: Literal["clearance"]
     kind: Literal["clearance"]
-    model: Members
+    model: Shape
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:

@@ -238,7 +238,10 @@ def fit_to_rules(
     OmegaConf.set_struct(cfg, False)
     for variant, name in zip(averaged, alone, strict=True):
         members = cfg.variants[variant].model.members * len(FAMILIES)  # as many as the averaged model has in all
-        cfg.variants[name] = {**cfg.variants[variant], "model": {"members": members, "families": [OWN_RULE]}}
+        cfg.variants[name] = {
+            **cfg.variants[variant],
+            "model": {**cfg.variants[variant].model, "members": members, "families": [OWN_RULE]},
+        }
     images, paths = np.concatenate(asked.images), np.tile(asked.z_theta, (len(asked.images), 1, 1))
     answers = refit(cfg, dict.fromkeys([*averaged, *alone], every_set), partial(answer, images, paths), "rules")
     half = len(every_set) // 2

@@ -16,6 +16,7 @@ WRONG = {  # study: values of its settings, each refused by the setting's name
     "perception": "pictures=0 | rendered=[] | headlines.taught_tops=train",
     "refutation": "scenes=3 | far_m=0.04 | pieces=[3] | world.gap_m=[0.001, 0.04] | world.glasses=3 | "
     "world.doses=[0, 0.5]",
+    "person": "people=1 | kinds=[glass] | sorts={} | most.lapses=2.0 | careful.lapses=[0.1]",
     "safety": "envelope.doses=1 | envelope.planner=unknown | envelope.clear_of_others=0.04 | acceptance.variants=[] | "
     "acceptance.level=1.0 | acceptance.fitted=20 | acceptance.levels=[0.2, 0.1] | acceptance.levels=[0.1]",
     "shift": "scenes=10000 | corruptions.blur=[2, 1] | corruptions={fog: [0.1]} | mislabelled={full: [0.1]}",

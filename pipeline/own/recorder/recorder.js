@@ -1,5 +1,6 @@
 // The recorder's page: shows scenes, sends what a person draws and judges, and says what is recorded.
 import { Board, stroke } from "/static/canvas.js";
+import { ask } from "/static/talk.js";
 import { OutlineTool, PathTool, PointTool } from "/static/tools.js";
 
 const $ = id => document.getElementById(id);
@@ -13,22 +14,7 @@ let user = localStorage.getItem("user") ?? "";
 let sending = false;
 let opened = 0; // counts the scenes that were asked for
 
-// ---- talk to the server
-
-async function ask(path, body) {
-  const options = body === undefined ? {} : { method: "POST", body: JSON.stringify(body) };
-  let answer;
-  try {
-    answer = await fetch(path, options);
-  } catch {
-    throw new Error(`The recorder does not answer. Start it again with --port ${location.port}, then try again here.`);
-  }
-  const told = await answer.json().catch(() => ({}));
-  if (!answer.ok) throw new Error(sentence(told.error ?? `The recorder failed (${answer.status}).`));
-  return told;
-}
-
-const sentence = text => text.charAt(0).toUpperCase() + text.slice(1) + (text.endsWith(".") ? "" : ".");
+// ---- talk to the person
 
 function say(text, kind = "") {
   $("message").textContent = text;

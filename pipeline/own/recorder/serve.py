@@ -1,4 +1,7 @@
-"""The command `record`: a page on this machine only, the pictures, and the few requests that change the folder."""
+"""The command `record`: a page on this machine only, the pictures, and the few requests that change the folder.
+
+What serves it serves `ask`, too.
+"""
 
 import argparse
 import fcntl
@@ -30,7 +33,8 @@ from pipeline.runtime.errors import InputError
 LOOPBACK = "127.0.0.1"
 LOCK = ".recorder.lock"  # in the folder; held by the recorder's process, holds its address
 BESIDE = Path(__file__).parent
-STATIC = [BESIDE / name for name in ("recorder.css", "recorder.js", "canvas.js", "tools.js", "icon.svg")]
+NAMES = "recorder.css", "recorder.js", "canvas.js", "tools.js", "talk.js", "ask.js", "icon.svg"
+STATIC = [BESIDE / name for name in NAMES]
 STATIC.append(Path(pipeline.report.__path__[0]) / "page.css")  # the report's own style
 MAX_REQUEST_BYTES = 4_000_000  # of a path: half an hour at 60 samples a second
 HEADERS = {  # forbid everything that is not of this server
@@ -47,17 +51,40 @@ SENT = TypeAdapter(dict[str, Any])  # the arguments of a method of `Recordings`,
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Serve the recorder's page as the command line says, and hold the folder's lock meanwhile; return 0 after Ctrl-C.
+    """Serve the recorder's page as the command line says; return 0 after Ctrl-C.
 
     Raise InputError if the folder cannot be recorded into or another recorder has it.
     """
-    parser = argparse.ArgumentParser(
-        "python -m pipeline.own record", description="Open a page to draw and judge paths."
-    )
-    parser.add_argument("folder", type=Path, help="has pictures in FOLDER/scenes; recordings are written beside them")
-    parser.add_argument("--port", type=int, default=0, help="0, the default, takes any that is free")
-    parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
-    parsed = parser.parse_args(arguments)
+    parsed = parser("record", "Open a page to draw and judge paths.").parse_args(arguments)
+    opened: list[Recordings] = []
+
+    def made(hosts: Collection[str]) -> Starlette:
+        opened.append(Recordings(parsed.folder))
+        return build(opened[0], hosts)
+
+    def ended() -> str:
+        count = len(opened[0].recorded())
+        return f"{parsed.folder} holds {count} paths. Next: python -m pipeline.own check {parsed.folder}"
+
+    return serve(parsed, made, "Recording into", ended)
+
+
+def parser(command: str, description: str) -> argparse.ArgumentParser:
+    """Return the arguments of every command that serves a page about a folder."""
+    made = argparse.ArgumentParser(f"python -m pipeline.own {command}", description=description)
+    made.add_argument("folder", type=Path, help="has pictures in FOLDER/scenes; what people say is written beside them")
+    made.add_argument("--port", type=int, default=0, help="0, the default, takes any that is free")
+    made.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
+    return made
+
+
+def serve(
+    parsed: argparse.Namespace,
+    made: Callable[[Collection[str]], Starlette],
+    doing: str,
+    ended: Callable[[], str],
+) -> int:
+    """Serve an application for the hosts it is given, holding the folder's lock; print the last word after Ctrl-C."""
     folder: Path = parsed.folder
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}: make it, with pictures of the table in {folder}/scenes")
@@ -66,19 +93,17 @@ def main(arguments: Sequence[str]) -> int:
     except (OSError, OverflowError) as error:
         raise InputError(f"port {parsed.port} cannot be used ({error}): choose another, or 0 for any") from error
     with listener, one_recorder(folder) as lock:
-        recordings, port = Recordings(folder), listener.getsockname()[1]
-        address = f"http://{LOOPBACK}:{port}/"
+        port = listener.getsockname()[1]
+        app, address = made({f"{LOOPBACK}:{port}", f"localhost:{port}"}), f"http://{LOOPBACK}:{port}/"
         os.ftruncate(lock, 0)
         os.pwrite(lock, address.encode(), 0)
-        print(f"Recording into {folder}: open {address} (Ctrl-C ends)", flush=True)
+        print(f"{doing} {folder}: open {address} (Ctrl-C ends)", flush=True)
         if not parsed.no_browser:
             threading.Timer(0.5, webbrowser.open, [address]).start()
-        app = build(recordings, {f"{LOOPBACK}:{port}", f"localhost:{port}"})
         config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off", ws="none")
         with suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[listener])
-        count = len(recordings.recorded())
-        print(f"{folder} holds {count} paths. Next: python -m pipeline.own check {folder}")
+        print(ended())
     return 0
 
 
@@ -101,18 +126,42 @@ def one_recorder(folder: Path) -> Iterator[int]:
 
 def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
     """Return the application that records into a folder and answers under `hosts`, such as `127.0.0.1:8000`, only."""
+    return application(
+        [
+            Route("/", lambda _: FileResponse(BESIDE / "page.html")),
+            Route("/pictures/{name}", lambda request: FileResponse(recordings.picture(request.path_params["name"]))),
+            Route("/api/overview", lambda _: JSONResponse(recordings.overview() | {"colours": COLOURS})),
+            Route("/api/scenes/{name}", lambda request: JSONResponse(recordings.scene(request.path_params["name"]))),
+            Route("/api/items/{name}", lambda request: JSONResponse(recordings.items(request.path_params["name"]))),
+            Route("/api/found/{name}", partial(_in_thread, recordings.found)),
+            posted("propose", recordings.propose),
+            posted("items", recordings.place_items),
+            posted("paths", recordings.add_path),
+            posted("table", recordings.place_table),
+            posted("judge", recordings.judge),
+            posted("remove", recordings.remove),
+        ],
+        hosts,
+    )
 
-    def posted(name: str, store: Callable[..., Any]) -> Route:
-        async def answer(request: Request) -> Response:
-            body = bytearray()
-            async for chunk in request.stream():
-                body += chunk
-                if len(body) > MAX_REQUEST_BYTES:
-                    return _refused(f"more than {MAX_REQUEST_BYTES / 1e6:.0f} MB were sent: draw a shorter path", 413)
-            values = SENT.validate_json(bytes(body))
-            return JSONResponse(await run_in_threadpool(partial(store, **values)) or {})
 
-        return Route(f"/api/{name}", answer, methods=["POST"])
+def posted(name: str, store: Callable[..., Any]) -> Route:
+    """Return the route of a request that changes something: `store` gets what the page sent, and answers."""
+
+    async def answer(request: Request) -> Response:
+        body = bytearray()
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > MAX_REQUEST_BYTES:
+                return _refused(f"more than {MAX_REQUEST_BYTES / 1e6:.0f} MB were sent: draw a shorter path", 413)
+        values = SENT.validate_json(bytes(body))
+        return JSONResponse(await run_in_threadpool(partial(store, **values)) or {})
+
+    return Route(f"/api/{name}", answer, methods=["POST"])
+
+
+def application(routes: Sequence[Route], hosts: Collection[str]) -> Starlette:
+    """Return an application of these routes and the static files, which answers under `hosts` only."""
 
     async def guard(request: Request, answer: Callable[[Request], Any]) -> Response:
         """Answer the recorder's own page alone.
@@ -130,22 +179,9 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         return response
 
     unknown = "the recorder does not understand what the page sent: reload the page"
+    static = [Route(f"/static/{file.name}", lambda _, file=file: FileResponse(file)) for file in STATIC]
     return Starlette(
-        routes=[
-            Route("/", lambda _: FileResponse(BESIDE / "page.html")),
-            *(Route(f"/static/{file.name}", lambda _, file=file: FileResponse(file)) for file in STATIC),
-            Route("/pictures/{name}", lambda request: FileResponse(recordings.picture(request.path_params["name"]))),
-            Route("/api/overview", lambda _: JSONResponse(recordings.overview() | {"colours": COLOURS})),
-            Route("/api/scenes/{name}", lambda request: JSONResponse(recordings.scene(request.path_params["name"]))),
-            Route("/api/items/{name}", lambda request: JSONResponse(recordings.items(request.path_params["name"]))),
-            Route("/api/found/{name}", partial(_in_thread, recordings.found)),
-            posted("propose", recordings.propose),
-            posted("items", recordings.place_items),
-            posted("paths", recordings.add_path),
-            posted("table", recordings.place_table),
-            posted("judge", recordings.judge),
-            posted("remove", recordings.remove),
-        ],
+        routes=[*routes, *static],
         middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],
         exception_handlers={
             InputError: lambda _, error: _refused(str(error), 400),

@@ -263,10 +263,8 @@ class Recordings:
         return self._known[path][1]
 
     def _write(self, name: str, text: str) -> None:
-        """Replace a file atomically, and return only once it would survive a power cut."""
-        path = self._inside(self.folder / name)
-        atomic_write(path, lambda part: (part.write_text(text, encoding="utf-8"), _sync(part)))
-        _sync(path.parent)
+        """Replace a file of the folder, as `write_durably`."""
+        write_durably(self._inside(self.folder / name), text)
 
     def _write_paths(self, *parts: pd.DataFrame) -> None:
         table = pd.concat(parts, ignore_index=True).fillna("")
@@ -290,6 +288,12 @@ class Recordings:
         if corners is None:
             raise InputError(f"the table's corners in scene {scene} are not known: mark them first")
         return _mapped(_homography(corners, settings.size_m), points)
+
+
+def write_durably(path: Path, text: str) -> None:
+    """Replace a file atomically, and return only once it would survive a power cut."""
+    atomic_write(path, lambda part: (part.write_text(text, encoding="utf-8"), _sync(part)))
+    _sync(path.parent)
 
 
 def _tidy_name(name: str) -> str:

@@ -79,16 +79,18 @@ class Served:
         return answer.status, json.loads(text) if is_json else {}
 
 
-def command(folder: Path, *options: str) -> list[str]:
-    return [sys.executable, "-m", "pipeline.own", "record", str(folder), "--no-browser", *options]
+def command(folder: Path, *options: str, verb: str = "record") -> list[str]:
+    return [sys.executable, "-m", "pipeline.own", verb, str(folder), "--no-browser", *options]
 
 
 @contextmanager
-def recorder(folder: Path, port: int = 0) -> Iterator[Served]:
-    process = subprocess.Popen(command(folder, "--port", str(port)), cwd=ROOT, stdout=subprocess.PIPE, text=True)
+def recorder(folder: Path, port: int = 0, verb: str = "record") -> Iterator[Served]:
+    words = command(folder, "--port", str(port), verb=verb)
+    process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
-        found = re.search(r"http://127.0.0.1:(\d+)/", process.stdout.readline())
+        lines = iter(process.stdout.readline, "")  # what is said before the address is for people
+        found = next(filter(None, (re.search(r"http://127.0.0.1:(\d+)/", line) for line in lines)), None)
         assert found
         yield Served(process, int(found[1]))
     finally:

@@ -1,0 +1,94 @@
+// Shows one trial after the other and sends the answers; nothing here knows what a trial is for.
+import { Board, stroke } from "/static/canvas.js";
+import { ask } from "/static/talk.js";
+
+const $ = id => document.getElementById(id);
+const board = new Board($("picture"), $("canvas"));
+let user = "";
+let next = null; // what the server shows: {trial, points, picture, answered, left_s, apart}
+let since = 0; // when its picture was shown
+let sending = false;
+
+function say(text, kind = "") {
+  $("message").textContent = text;
+  $("message").className = `message ${kind}`;
+}
+
+const busy = is => document.body.setAttribute("aria-busy", is);
+
+async function show(told) {
+  next = null;
+  busy(true);
+  $("trial").hidden = false;
+  $("undo").disabled = !told.answered;
+  $("count").textContent = `${told.answered} judged, about ${Math.ceil(told.left_s / 60)} minutes left`;
+  for (const id of ["valid", "invalid"]) $(id).disabled = told.trial === null;
+  if (told.trial === null) {
+    next = told;
+    board.redraw();
+    busy(false);
+    say("That is all. Thank you! You may close this page, and end the recorder with Ctrl-C.", "good");
+    return;
+  }
+  await board.show(told.picture, "A table with a path");
+  next = told;
+  board.redraw();
+  since = performance.now();
+  sending = false;
+  busy(false);
+}
+
+async function send(path, values) { // shows what is due, also after an answer from another window
+  if (sending || !next) return;
+  sending = true;
+  try {
+    await show(await ask(path, { user, ...values }));
+  } catch (error) {
+    say(error.message, "bad");
+    await ask("/api/begin", { user }).then(show).catch(() => {});
+  }
+  sending = false;
+}
+
+function answer(valid) {
+  if (!next || next.trial === null) return;
+  if ($("message").textContent) say("");
+  send("/api/answer", { trial: next.trial, valid, response_ms: performance.now() - since });
+}
+
+async function begin(name) {
+  user = name;
+  $("who").hidden = true;
+  say("Preparing the pictures …");
+  try {
+    const told = await ask("/api/begin", { user });
+    say(told.apart ? "The folder has changed since an earlier sitting: its answers are kept apart." : "");
+    await show(told);
+    $("valid").focus();
+  } catch (error) {
+    say(error.message, "bad");
+    $("who").hidden = false;
+  }
+}
+
+board.layers = [(context, unit) => { if (next?.points) stroke(context, unit, next.points, "#f0e442"); }];
+$("valid").addEventListener("click", () => answer(true));
+$("invalid").addEventListener("click", () => answer(false));
+$("undo").addEventListener("click", () => send("/api/undo", {}));
+document.addEventListener("keydown", event => {
+  const keys = { v: () => answer(true), n: () => answer(false), u: () => $("undo").disabled || send("/api/undo", {}) };
+  const action = keys[event.key.toLowerCase()];
+  if (!action || event.repeat || event.ctrlKey || event.metaKey || event.altKey || $("trial").hidden) return;
+  event.preventDefault();
+  action();
+});
+ask("/api/overview").then(({ users }) => {
+  if (users.length === 1) return begin(users[0]);
+  $("users").replaceChildren(...users.map(name => {
+    const button = document.createElement("button");
+    button.textContent = name;
+    button.addEventListener("click", () => begin(name));
+    return button;
+  }));
+  $("who").hidden = false;
+}).catch(error => say(error.message, "bad")).then(() => busy(false));

@@ -1,0 +1,172 @@
+"""The command `ask`: trials one at a time, and each answer stored before the next is shown."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import cv2
+import numpy as np
+from pydantic import FiniteFloat
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from pipeline.causal.experiment import due, pairs_within, smallest_settled
+from pipeline.own.asked import ANSWERS, ASKED, Sitting, digest, picture, prepare, sittings
+from pipeline.own.folder import Folder, read_folder
+from pipeline.own.frame import CANVAS_PX
+from pipeline.own.recorder.serve import BESIDE, application, parser, posted, serve
+from pipeline.own.recorder.storage import as_sent, write_durably
+from pipeline.runtime.errors import InputError
+
+SECONDS = 4  # of a judgement, before there is any
+LONGEST_MS = 60_000  # of an answer that counts as time at work: people are called away
+
+
+class Asking:
+    """One folder's sittings. Its methods may be called from several threads."""
+
+    def __init__(self, folder: Folder, user: str | None, minutes: float) -> None:
+        """Open a folder for one user, or for all with demonstrations; raise InputError for an unknown one."""
+        if user is not None and user not in folder.users:
+            raise InputError(f"there is no user {user!r}: expected one of {', '.join(folder.users)}, or no --user")
+        self.folder, self.minutes, self.digest = folder, minutes, digest(folder.path)
+        self.users = [user] if user else folder.users
+        self.lock = Lock()
+        self.files: dict[str, Path] = {}  # of each user's sitting
+        self.kept: dict[str, Sitting] = {}
+        earlier = sittings(folder.path)
+        for file, sitting in earlier.items():
+            if sitting.digest == self.digest:
+                self.kept[sitting.user], self.files[sitting.user] = sitting, file
+        self.apart = sum(sitting.digest != self.digest for sitting in earlier.values())
+
+    def overview(self) -> dict[str, Any]:
+        """Return who may be asked."""
+        return {"users": self.users, "minutes": self.minutes}
+
+    @as_sent
+    def begin(self, user: str) -> dict[str, Any]:
+        """Return a user's next trial, after writing the sitting if it is the first one."""
+        if user not in self.users:
+            raise InputError(f"there is no user {user!r} here: reload the page")
+        with self.lock:
+            if user not in self.kept:
+                content = json.dumps(prepare(self.folder, user, f"{self.digest}/{user}"), ensure_ascii=False, indent=1)
+                folder = self.folder.path / ASKED
+                number = max((int(file.stem) for file in sittings(self.folder.path)), default=0) + 1
+                write_durably(file := folder / f"{number:03d}.json", content)
+                self.files[user], self.kept[user] = file, Sitting.read(file)
+            return self.shown(user)
+
+    @as_sent
+    def answer(self, user: str, trial: int, valid: bool, response_ms: FiniteFloat) -> dict[str, Any]:
+        """Store an answer and return the next trial; InputError if another trial is due: another window answered."""
+        with self.lock:
+            sitting = self.sitting(user)
+            if trial != self.shown(user)["trial"]:
+                raise InputError("this was answered in another window: go on with the trial shown now")
+            times = [*sitting.response_ms, max(response_ms, 0.0)]
+            self.store(user, replace(sitting, answers=sitting.answers | {trial: valid}, response_ms=times))
+            return self.shown(user)
+
+    @as_sent
+    def undo(self, user: str) -> dict[str, Any]:
+        """Remove a user's last answer and return its trial."""
+        with self.lock:
+            sitting = self.sitting(user)
+            if not sitting.answers:
+                raise InputError("there is no answer to take back")
+            answers = dict(list(sitting.answers.items())[:-1])
+            self.store(user, replace(sitting, answers=answers, response_ms=sitting.response_ms[:-1]))
+            return self.shown(user)
+
+    def sitting(self, user: str) -> Sitting:
+        """Return a user's sitting; raise InputError if it has not begun."""
+        if user not in self.kept:
+            raise InputError("choose first who judges: reload the page")
+        return self.kept[user]
+
+    def store(self, user: str, sitting: Sitting) -> None:
+        """Replace the file of a user's answers, then what is remembered."""
+        rows = zip(sitting.answers.items(), sitting.response_ms, strict=True)
+        lines = [",".join(ANSWERS), *(f"{trial},{valid},{ms:.0f}" for (trial, valid), ms in rows)]
+        write_durably(self.files[user].with_suffix(".csv"), "\n".join(lines) + "\n")
+        self.kept[user] = sitting
+
+    def shown(self, user: str) -> dict[str, Any]:
+        """Return what the page shows: the next trial, or none once the minutes are over or all is asked.
+
+        Nothing in it tells the condition: points [px] of the path, and the address of a picture.
+        """
+        sitting = self.kept[user]
+        spent = sum(min(ms, LONGEST_MS) for ms in sitting.response_ms) / 1000
+        left = max(0.0, 60 * self.minutes - spent)
+        rows = due(sitting.plan, sitting.answers) if left > 0 else []
+        count = len(sitting.answers)
+        told = {"trial": rows[0] if rows else None, "answered": count, "left_s": round(left), "apart": self.apart}
+        if rows:
+            points = self.folder.frame.to_model(np.array(sitting.paths[sitting.plan["path"].iloc[rows[0]]]["points"]))
+            told["points"] = ((points * [1, -1] + [0, 1]) * CANVAS_PX).round(1).tolist()
+            told["picture"] = f"/trials/{self.files[user].stem}/{rows[0]}"
+        return told
+
+    def image(self, number: str, trial: int) -> bytes:
+        """Return the PNG of a trial; raise InputError if there is none."""
+        user = next((user for user, file in self.files.items() if file.stem == number), None)
+        if user is None or not 0 <= trial < len(self.kept[user].plan):
+            raise InputError("there is no such trial: reload the page")
+        row = next(self.kept[user].plan.iloc[[trial]].itertuples())
+        return cv2.imencode(".png", cv2.cvtColor(picture(self.folder, row), cv2.COLOR_RGB2BGR))[1].tobytes()
+
+
+def routes(asking: Asking) -> list[Route]:
+    """Return the addresses under which the page asks."""
+
+    async def image(request: Request) -> Response:
+        number, trial = request.path_params["number"], request.path_params["trial"]
+        return Response(await run_in_threadpool(asking.image, number, trial), media_type="image/png")
+
+    return [
+        Route("/", lambda _: FileResponse(BESIDE / "ask.html")),
+        Route("/trials/{number}/{trial:int}", image),
+        Route("/api/overview", lambda _: JSONResponse(asking.overview())),
+        posted("begin", asking.begin),
+        posted("answer", asking.answer),
+        posted("undo", asking.undo),
+    ]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Serve the page that asks; return 0 after Ctrl-C. Raise InputError for a folder with faults."""
+    parse = parser("ask", "Ask people about paths with and without a composited item.")
+    parse.add_argument("--user", help="default: the page asks who judges")
+    parse.add_argument("--minutes", type=float, default=10.0, help="of judging, in all sittings about this folder")
+    parsed = parse.parse_args(arguments)
+    if not 0 < parsed.minutes <= 600:
+        raise InputError(f"--minutes is {parsed.minutes:g}: expected minutes above 0 and up to 600")
+    folder, faults = read_folder(parsed.folder)
+    if folder is None:
+        raise InputError(f"{faults[0]} (python -m pipeline.own check {parsed.folder} says all)")
+    asking = Asking(folder, parsed.user, parsed.minutes)
+    if asking.apart:
+        print(f"The folder has changed since {asking.apart} earlier sittings: their answers are kept apart")
+    if not (folder.path / "report" / "tables" / "repaired.parquet").is_file():
+        print(f"There is no report yet, so no repair is asked about: python -m pipeline.own {parsed.folder} makes it")
+    if folder.cutouts:
+        count = len(folder.cutouts)
+        pairs = pairs_within(60 * parsed.minutes / SECONDS, count)
+        settled = f"effects of {smallest_settled(pairs):.2f} for {count} kinds" if pairs else "no kind"
+        print(
+            f"{parsed.minutes:g} minutes are some {60 * parsed.minutes / SECONDS:.0f} judgements: they settle {settled}"
+        )
+
+    def ended() -> str:
+        count = sum(len(sitting.answers) for sitting in asking.kept.values())
+        return f"{count} judgements lie in {folder.path / ASKED}. Next: python -m pipeline.own {parsed.folder}"
+
+    return serve(parsed, lambda hosts: application(routes(asking), hosts), "Asking about", ended)

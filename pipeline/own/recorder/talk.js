@@ -1,0 +1,15 @@
+// Talks to the server: sends JSON, returns its answer, and turns every failure into a sentence.
+export async function ask(path, body) {
+  const options = body === undefined ? {} : { method: "POST", body: JSON.stringify(body) };
+  let answer;
+  try {
+    answer = await fetch(path, options);
+  } catch {
+    throw new Error(`The recorder does not answer. Start it again with --port ${location.port}, then try again here.`);
+  }
+  const told = await answer.json().catch(() => ({}));
+  if (!answer.ok) throw new Error(sentence(told.error ?? `The recorder failed (${answer.status}).`));
+  return told;
+}
+
+const sentence = text => text.charAt(0).toUpperCase() + text.slice(1) + (text.endsWith(".") ? "" : ".");

@@ -1,0 +1,137 @@
+"""`ask`: all is written before the first trial, nothing shown tells a condition, and no answer is lost."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pipeline import library
+from pipeline.own import asked, fitting
+from pipeline.own.asked import Sitting, sittings
+from pipeline.own.folder import Folder, read_folder
+from pipeline.own.recorder.asking import Asking, main
+from pipeline.runtime.errors import InputError
+from tests.own.folders import add_kind, make_folder
+
+pytestmark = pytest.mark.slow  # thousands of places are tried for each sitting
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    """A folder of which Ana's sitting has begun."""
+    path = make_folder(tmp_path_factory.mktemp("asked") / "table")
+    add_kind(path)
+    folder, faults = read_folder(path)
+    assert folder is not None and not faults
+    Asking(folder, "Ana", 10.0).begin(user="Ana")
+    return folder
+
+
+@pytest.fixture
+def folder(begun: Folder) -> Folder:
+    for file in (begun.path / "asked").glob("*.csv"):
+        file.unlink()
+    return begun
+
+
+def answer(asking: Asking, count: int, user: str = "Ana") -> dict:
+    told = asking.begin(user=user)
+    for i in range(count):
+        told = asking.answer(user=user, trial=told["trial"], valid=i % 2 == 0, response_ms=1500.0)
+    return told
+
+
+def test_the_sitting_is_written_before_the_first_trial_and_each_answer_before_the_next(folder: Folder):
+    content = json.loads((folder.path / "asked" / "001.json").read_text())
+    assert {"questions", "rule", "trials", "seed", "user", "digest"} <= content.keys()
+    asking = Asking(folder, None, 10.0)
+    told = answer(asking, 7)
+    rows = pd.read_csv(folder.path / "asked" / "001.csv")
+    assert rows["valid"].tolist() == [True, False] * 3 + [True] and (rows["response_ms"] == 1500).all()
+    again = Asking(folder, None, 10.0)  # after a kill
+    assert again.begin(user="Ana") == told and told["answered"] == 7
+    assert again.undo(user="Ana")["trial"] == rows["trial"].iloc[-1]
+
+
+def test_items_are_near_the_path_as_the_plan_says_and_free_of_the_path_itself(folder: Folder):
+    plan = sittings(folder.path)[folder.path / "asked" / "001.json"].plan
+    cups = plan[plan["condition"] == "cup"]
+    near = cups["near"].astype(bool)
+    assert len(cups) > 30 and cups["clearance_m"].min() >= 0
+    assert (cups.loc[near, "clearance_m"] <= 0.04).all() and (cups.loc[~near, "clearance_m"] > 0.04).all()
+
+
+def test_nothing_that_is_shown_tells_the_condition(folder: Folder):
+    asking, shown = Asking(folder, None, 10.0), {}
+    plan, told = asking.kept["Ana"].plan, asking.begin(user="Ana")
+    for _ in range(30):
+        picture = asking.image("001", told["trial"])
+        shown.setdefault(plan["condition"][told["trial"]], []).append((set(told), len(told["points"]), picture))
+        told = asking.answer(user="Ana", trial=told["trial"], valid=True, response_ms=900.0)
+    assert {"unchanged", "sticker", "cup"} <= shown.keys()
+    assert len({frozenset(keys) for several in shown.values() for keys, *_ in several}) == 1
+    sizes = {picture[16:24] for several in shown.values() for *_, picture in several}  # width and height of a PNG
+    assert len(sizes) == 1, "pictures differ in what they show alone"
+
+
+def test_two_windows_two_people_and_a_time_that_is_over(folder: Folder):
+    asking = Asking(folder, None, 10.0)
+    told = asking.begin(user="Ana")
+    asking.answer(user="Ana", trial=told["trial"], valid=True, response_ms=1000.0)
+    with pytest.raises(InputError, match="another window"):
+        asking.answer(user="Ana", trial=told["trial"], valid=False, response_ms=1000.0)
+    answer(asking, 3, "Jürgen")
+    assert [(s.user, len(s.answers)) for s in sittings(folder.path).values()] == [("Ana", 1), ("Jürgen", 3)]
+    assert Asking(folder, None, 0.01).begin(user="Ana")["trial"] is None
+    told = asking.begin(user="Ana")
+    asking.answer(user="Ana", trial=told["trial"], valid=True, response_ms=-5e9)  # a clock that was set back
+    assert min(asking.kept["Ana"].response_ms) == 0
+    (folder.path / "asked" / "002.json").unlink()
+
+
+def test_a_changed_folder_keeps_old_answers_apart(folder: Folder, tmp_path: Path):
+    path = tmp_path / "table"
+    shutil.copytree(folder.path, path)
+    add_kind(path, "cup,blue.png,0.10\n")
+    changed, _ = read_folder(path)
+    assert changed is not None
+    asking = Asking(changed, None, 10.0)
+    assert asking.apart == 1 and asking.begin(user="Ana")["answered"] == 0 and (path / "asked" / "002.json").is_file()
+
+
+def test_folders_that_leave_nothing_to_ask_are_refused(tmp_path: Path):
+    path = make_folder(tmp_path / "table")
+    folder, _ = read_folder(path)
+    assert folder is not None
+    with pytest.raises(InputError, match="nothing to ask Ana: add cut-outs"):
+        Asking(folder, None, 10.0).begin(user="Ana")
+    with pytest.raises(InputError, match="no user 'Bob'"):
+        Asking(folder, "Bob", 10.0)
+    with pytest.raises(InputError, match="--minutes is 0"):
+        main([str(path), "--minutes", "0"])
+    (path / "asked").mkdir()
+    (path / "asked" / "001.json").write_text("{")
+    with pytest.raises(InputError, match=r"001\.json in asked/ cannot be read"):
+        Sitting.read(path / "asked" / "001.json")
+
+
+def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(folder: Folder, monkeypatch):
+    monkeypatch.setitem(library.TRAINING["clearance"], "steps", 5)
+    monkeypatch.setattr(fitting, "SHARES", (1.0,))
+    asking = Asking(folder, "Ana", 10.0)
+    told = asking.begin(user="Ana")
+    plan = asking.kept["Ana"].plan
+    for _ in range(30):
+        refused = plan["condition"][told["trial"]] == "cup"
+        told = asking.answer(user="Ana", trial=told["trial"], valid=not refused, response_ms=900.0)
+    fitted = {"Ana": fitting.fit_user(fitting.UserData.of("Ana", folder), lambda _: None)}
+    made = asked.tables(folder, fitted)
+    effects = made["asked_effects"].set_index("kind")
+    assert effects.loc["cup", "effect"] == -1 and effects.loc["sticker", "effect"] == 0
+    assert -1 <= effects.loc["cup", "model_effect"] <= 1
+    agreed = made["asked_agreement"].set_index("who")
+    assert agreed.loc["self", "share"] == 1 and agreed.loc["ceiling", "share"] == 1
+    repairs = made["asked_repairs"].set_index("role")
+    assert repairs.loc["valid", "share"] == 1 and repairs.loc["valid", "ci_low"] < 1
