@@ -101,7 +101,7 @@ def draw_arrangements(
     """Draw `n` arrangements on one table under one camera, whose light varies by this standard deviation."""
     name, top = draw_top(rng, [family], TOP)
     setting = draw_setting(rng, top)
-    gains = np.float32(rng.normal(1, light, n))
+    gains = rng.normal(1, light, n).astype(np.float32)
     drawn = [draw_scene(rng, setting._replace(illumination=setting.illumination * g), palette) for g in gains]
     images, instances, empty, see_through, look = (np.stack(parts) for parts in zip(*drawn, strict=True))
     return Composites(images, instances, empty, np.array([name] * n), see_through, look)

@@ -77,9 +77,9 @@ class Folder:
 
     def controls(self, demos: pd.DataFrame | None = None) -> Float[Array, "demo control 2"]:
         """Return the control points [m of the model] of demonstrations, of all unless some are given."""
-        demos = self.demos if demos is None else demos
+        some = self.demos if demos is None else demos
         degree = int(self.degrees.loc[self.degrees["chosen"], "degree"].iloc[0])
-        return demos[control_columns(degree)].to_numpy().reshape(len(demos), degree + 1, 2)
+        return some[control_columns(degree)].to_numpy().reshape(len(some), degree + 1, 2)
 
     @property
     def users(self) -> list[str]:

@@ -66,7 +66,7 @@ class Views(NamedTuple):
         corners = self.settings.corners_of(scene)
         corners = whole(*self.sizes[scene]) if corners is None else corners
         matrix = homography(corners, whole(1, 1))
-        share = cv2.perspectiveTransform(pixels[None].astype(float), matrix)[0]
+        share = cv2.perspectiveTransform(pixels[None].astype(float) - 0.5, matrix)[0] + 0.5
         return np.column_stack([share[:, 0], 1 - share[:, 1]]) * self.settings.size_m
 
 
@@ -179,7 +179,7 @@ def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told
     for file in files.listed(path / MASKS, ".png"):
         scene, name = normal(file.stem), f"{MASKS}/{file.name}"
         mask = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
-        size = None if mask is None else mask.shape[1::-1]
+        size = (0, 0) if mask is None else mask.shape[1::-1]
         if scene not in views.sizes:
             faults.append(f"{name}: scene {scene!r} has no picture in scenes/: add it, or correct the name")
         elif mask is None or mask.ndim != 2:

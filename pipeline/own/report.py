@@ -62,7 +62,7 @@ def write_report(results: Results, out_dir: Path) -> None:
 def on_the_table(table: pd.DataFrame, frame: Frame) -> pd.DataFrame:
     """Return a table whose control points, if it has any, are in metres on the table, not the model's."""
     columns = [name for name in table if re.fullmatch(r"c\d_[xy]", str(name))]
-    return table.assign(**{name: frame.to_table(table[name].to_numpy()) for name in columns})
+    return table.assign(**{name: table[name] / frame.scale for name in columns})
 
 
 def without_formulas(table: pd.DataFrame) -> pd.DataFrame:

@@ -44,7 +44,7 @@ def nearest(
     best, log_p = np.zeros_like(shapes[0]), float(log_valid(scene, start[None])[0])
     for spread in FIRST_M * 0.5 ** np.arange(ROUNDS):
         candidates = np.concatenate([best + spread * shapes, best * np.linspace(0, 1, 16)[:, None, None]])
-        cost = distance_penalty * displacement(candidates, free_ends)
+        cost = np.asarray(distance_penalty * displacement(candidates, free_ends))
         possible = -cost > log_p - distance_penalty * displacement(best, free_ends)  # log P(valid) <= 0
         if not possible.any():
             continue

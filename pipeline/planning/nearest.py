@@ -10,6 +10,7 @@ from numpy import ndarray as Array
 from torch import Tensor
 
 from pipeline.models.base import Images, ValidityModel
+from pipeline.perception.objects import Objects
 from pipeline.world.bezier import Z_HIGH, Z_LOW, lattice
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, clearance, slack, valid
@@ -64,7 +65,7 @@ def nearest(
 
 
 @torch.no_grad()
-def by_model(model: ValidityModel, images: Images) -> LogValid:
+def by_model(model: ValidityModel, images: Images | Objects) -> LogValid:
     """Return a model's log P(valid) in these scenes; the model perceives each scene once."""
     return by_percept(model, model.eval().see(images))
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -68,7 +67,10 @@ def repair(
 
     else:
         z, least, most = given.clamp(Z_LOW, Z_HIGH), Z_LOW, Z_HIGH
-        logit = partial(model.logit, percept)
+
+        def logit(z: Tensor) -> Tensor:
+            return model.logit(percept, z)
+
     mean, squares = torch.zeros_like(z), torch.zeros_like(z)
     path, log_odds = [z], []
     for step in range(ascent.steps):

@@ -96,7 +96,7 @@ def fit_any(
     along = np.r_[1.0, np.full(len(points) - 2, ALONG), 1.0]
     for _ in range(ROUNDS):
         fine = bezier(controls, FOOT_POINTS)
-        near = np.clip(np.rint(u * (FOOT_POINTS - 1)).astype(int)[:, None] + offsets, 0, FOOT_POINTS - 1)
+        near = (np.rint(u * (FOOT_POINTS - 1)).astype(int)[:, None] + offsets).clip(0, FOOT_POINTS - 1)
         away = np.linalg.norm(fine[near] - points[:, None], axis=-1)
         u = np.take_along_axis(near, away.argmin(1)[:, None], 1)[:, 0] / (FOOT_POINTS - 1)
         u[[0, -1]] = 0, 1

@@ -203,7 +203,7 @@ def by_gradient(
     away = np.linalg.norm(curves - curves[:, :1], axis=-1).mean(-1)  # (start, step)
     accepted = steps.p[:, 0] > library.ACCEPTED_ABOVE
     chosen = np.where(accepted.any(1), np.where(accepted, away, np.inf).argmin(1), -1)
-    return curves[np.arange(len(curves)), chosen], accepted.any(1)
+    return curves[np.arange(len(curves)), chosen], np.any(accepted, axis=1)
 
 
 @torch.no_grad()

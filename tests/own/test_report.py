@@ -81,7 +81,7 @@ def test_what_planners_read_says_what_the_report_says(example: Path):
     for number, user in enumerate(USERS, 1):
         told = yaml.safe_load((example / "keep_out" / f"user_{number}-scene_1.yaml").read_text())
         mask = cv2.imread(str(example / "keep_out" / told["image"]), cv2.IMREAD_UNCHANGED)
-        assert mask.shape == (50, 50) and set(np.unique(mask)) == {0, 254}, user
+        assert mask is not None and mask.shape == (50, 50) and set(np.unique(mask)) == {0, 254}, user
         assert told["resolution"] * 50 == pytest.approx(1.0)
 
 

@@ -15,7 +15,7 @@ from pipeline.perception.objects import (
     doubt,
     find_outlines,
 )
-from pipeline.perception.segmenter import Maps
+from pipeline.perception.segmenter import LOOKS, Maps
 from pipeline.world.catalogue import random_scenes
 from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
 from pipeline.world.render import read_palette, render_scenes
@@ -94,7 +94,12 @@ def disc(x: float, y: float, radius: float) -> np.ndarray:
 
 def maps(*discs: np.ndarray, between: np.ndarray | None = None) -> Maps:
     none = np.zeros((SIDE, SIDE), np.float32)
-    return Maps(np.maximum.reduce([none, *discs]), none if between is None else between, none)
+    return Maps(
+        np.maximum.reduce([none, *discs]),
+        none if between is None else between,
+        none,
+        np.full((len(LOOKS), SIDE, SIDE), 1 / len(LOOKS), np.float32),
+    )
 
 
 def areas(found: Maps) -> list[float]:

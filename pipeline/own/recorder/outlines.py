@@ -42,7 +42,8 @@ def propose(picture: UInt8[Array, "row column 3"], point: Sequence[float], edge:
         cv2.circle(mask, centre, max(1, round(radius * reach * WORKING_PX)), label, -1)
     models = np.zeros((2, 1, 65))
     cv2.setRNGSeed(0)
-    cv2.grabCut(np.ascontiguousarray(small[..., ::-1]), mask, None, *models, ROUNDS, cv2.GC_INIT_WITH_MASK)
+    whole = (0, 0, 1, 1)  # not read
+    cv2.grabCut(np.ascontiguousarray(small[..., ::-1]), mask, whole, *models, ROUNDS, cv2.GC_INIT_WITH_MASK)
     inside = np.isin(mask, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.uint8)
     inside = cv2.morphologyEx(inside, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     regions = cv2.connectedComponents(inside)[1]
