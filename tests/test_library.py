@@ -211,8 +211,8 @@ def test_settings_are_those_of_conf():
     ("change", "message"),
     [
         (lambda a: a | {"images": a["images"] / 255}, r"images are float64 .* expected uint8 .* scale intensities"),
-        (lambda a: a | {"z_theta": a["z_theta"] * 100}, r"z_theta reaches 1\d\d: expected metres"),
-        (lambda a: a | {"z_theta": a["z_theta"][:3]}, r"z_theta has shape \(3, 9, 2\): expected \(12, path, 2\)"),
+        (lambda a: a | {"paths": a["paths"] * 100}, r"paths reaches 1\d\d: expected metres"),
+        (lambda a: a | {"paths": a["paths"][:3]}, r"paths has shape \(3, 9, 2\): expected \(12, path, 2\)"),
         (lambda a: {name: array[:1] for name, array in a.items()}, "number of scenes is 1: expected at least 2"),
         (lambda a: a | {"images": 0 * a["images"]}, r"images\[0\] is mostly black: expected the image of a table"),
     ],
@@ -220,7 +220,7 @@ def test_settings_are_those_of_conf():
 def test_what_does_not_fit_is_refused_with_what_was_expected(example, change, message):
     images, _, z_theta, valid = example
     with pytest.raises(InputError, match=message):
-        pipeline.fit(**change({"images": images, "z_theta": z_theta, "valid": valid}))
+        pipeline.fit(**change({"images": images, "paths": z_theta, "valid": valid}))
 
 
 def test_parameters_are_read_without_torch():
