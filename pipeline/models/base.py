@@ -10,10 +10,10 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor, nn
 
-from pipeline.perception.objects import Objects
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 from pipeline.world.layout import SIDE
+from pipeline.world.told import Told
 
 Array = np.ndarray
 Images = UInt8[Array, "scene 100 100 3"]  # [0, 255]
@@ -25,8 +25,8 @@ SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most
 
 
 def check_images(images: Any, name: str = "images") -> None:
-    """Raise InputError, which calls the argument `name`, unless it is uint8 (scene, 100, 100, 3), or `Objects`."""
-    if isinstance(images, Objects):
+    """Raise InputError, which calls the argument `name`, unless it is uint8 (scene, 100, 100, 3), or `Told`."""
+    if isinstance(images, Told):
         return
     expected = f"uint8 of shape (scene, {SIDE}, {SIDE}, 3)"
     if not isinstance(images, np.ndarray):
@@ -78,14 +78,14 @@ class ValidityModel(nn.Module, ABC):
         Points of curves may lie at any distances along them: models resample them evenly (`curves.resample`).
         """
 
-    def see(self, scenes: Images | Objects) -> Tensor:
+    def see(self, scenes: Any) -> Tensor:
         """Return the percept of pictures or, if the model takes them, of objects that somebody told."""
-        if isinstance(scenes, Objects):
+        if isinstance(scenes, Told):
             raise InputError(f"{type(self).__name__} sees pictures alone: expected uint8 (scene, {SIDE}, {SIDE}, 3)")
         return self.perceive(to_tensor(scenes))
 
     def probability(
-        self, images: Images | Objects, z_theta: Float[Array, "scene path 2"] | Float[Array, "scene path point 2"]
+        self, images: Any, z_theta: Float[Array, "scene path 2"] | Float[Array, "scene path point 2"]
     ) -> Float[Array, "scene path"]:
         """Return P(valid) of each path [m] as float32; switches to `eval()` mode and keeps no gradient.
 

@@ -30,7 +30,9 @@ PATH, STAMPED = "nav_msgs/msg/Path", "geometry_msgs/msg/PoseStamped"
 def write_exports(results: Results, folder: Path) -> None:
     """Write all of them into a folder."""
     text = yaml.safe_dump(specification(results), sort_keys=False, allow_unicode=True)
-    (folder / SPECIFICATION).write_text("# Lengths in metres. docs/own-tables.md says what each line is.\n" + text)
+    (folder / SPECIFICATION).write_text(
+        "# Lengths in metres. docs/own-tables.md says what each line is.\n" + text, encoding="utf-8"
+    )
     (folder / MASKS).mkdir()
     for number, (user, fitted) in enumerate(results.fitted.items(), 1):
         for scene, name in enumerate(results.folder.scenes, 1):
@@ -84,7 +86,9 @@ def _write_mask(stem: Path, mask: Bool[Array, "row column"], side_m: float, titl
     told = {"image": f"{stem.name}.pgm", "mode": "trinary", "resolution": side_m / FIELDS, "origin": [0.0, 0.0, 0.0]}
     told |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
     text = yaml.safe_dump(told, sort_keys=False)
-    stem.with_suffix(".yaml").write_text(f"# {''.join(c if c.isprintable() else '?' for c in title)}\n{text}")
+    stem.with_suffix(".yaml").write_text(
+        f"# {''.join(c if c.isprintable() else '?' for c in title)}\n{text}", encoding="utf-8"
+    )
 
 
 def _write_bag(folder: Path, results: Results) -> None:

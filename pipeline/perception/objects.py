@@ -21,6 +21,7 @@ from scipy.special import entr
 from pipeline.perception.background import Pixels
 from pipeline.perception.segmenter import LOOKS, STRIDE, Maps, segment
 from pipeline.world.layout import SIDE
+from pipeline.world.told import Told
 
 SUPERSAMPLING = 4  # grid points per pixel along each axis
 OUTLINE = 0.35  # probability on an outline: at .5 some handles are missed (validation)
@@ -78,7 +79,7 @@ def fit_capsule(points: Float[Array, "point 2"], per_metre: int) -> Capsule:
 
 
 @dataclass(frozen=True)
-class Objects:
+class Objects(Told):
     """Detected objects per scene, largest first, padded to MAX_OBJECTS."""
 
     ends: Float32[Array, "scene object 2 2"]  # end points of each capsule's segment [m]

@@ -20,7 +20,7 @@ def test_a_curve_of_degree_4_follows_a_hand_that_a_parabola_misses():
     for one in controls:
         hand = simulate(RNG, bezier(one, ARC_POINTS), HAND)[:, 1:3]
         fitted, _, residual = fit_any(hand, 4)
-        to_fitted = np.linalg.norm(hand[:, None] - bezier(fitted, 2001), axis=-1).min(1)
+        to_fitted = np.linalg.norm(hand[:, None] - bezier(fitted, 20001), axis=-1).min(1)
         np.testing.assert_allclose(residual, np.sqrt((to_fitted**2).mean()), rtol=0.02, atol=1e-4)
         away.append(residual)
         parabola = curve(forced(bezier(one, 161)[None, None])[0, 0], 2001)
