@@ -24,6 +24,7 @@ from pipeline.causal.interventions import (
     estimate_effects,
     questions,
 )
+from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.trained import load_model
 from pipeline.perception.objects import SUPERSAMPLING, Object, Objects, Outline, describe_outlined
 from pipeline.runtime.parallel import map_jobs
@@ -81,18 +82,23 @@ def _by_percept(
     """Return one model's P(valid) by picture, by true outlines, and by these with the typical looks of each kind."""
     user, seed = job
     model = load_model(cfg, variant, user, seed, cfg.main_n_demos)
-    pool, looks = train_pool(seed), {symbol: [] for symbol in range(len(SYMBOLS))}
+    assert isinstance(model, ClearanceModel)
+    pool, seen = train_pool(seed), {symbol: [] for symbol in range(len(SYMBOLS))}
     for i, image in enumerate(scenes.images[pool]):
         scene = scenes.layouts[pool][[i]]
         for symbol, one in zip(scene.symbol[0][scene.present[0]], true_objects(image, scene), strict=True):
-            looks[int(symbol)].append(one.features)
-    typical = {symbol: np.mean(features, axis=0) for symbol, features in looks.items() if features}
+            seen[int(symbol)].append(one)
+    typical = {
+        symbol: {name: np.mean([getattr(one, name) for one in alike], axis=0) for name in ("features", "looks")}
+        for symbol, alike in seen.items()
+        if alike
+    }
     named = [
-        [one._replace(features=typical.get(int(symbol), one.features)) for one, symbol in zip(*scene, strict=True)]
+        [one._replace(**typical.get(int(symbol), {})) for one, symbol in zip(*scene, strict=True)]
         for scene in zip(told, kinds, strict=True)
     ]
     sure = [0.0] * len(told)
-    percepts = images, Objects.of(told, sure, kinds=0), Objects.of(named, sure, kinds=0)
+    percepts = images, *(Objects.of(objects, sure, kinds=model.kinds) for objects in (told, named))
     return np.stack([model.probability(percept, z_theta) for percept in percepts])
 
 
