@@ -249,9 +249,10 @@ def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.Data
 
 
 def _left_out(points: Float[Array, "sample 2"], degree: int) -> float:
-    """Return the root mean square distance [m] of the parts of a path that a curve was not fitted to."""
+    """Return the root mean square distance [m] of parts of a path that a curve, fitted to its ends, did not see."""
     odd, square = (np.arange(len(points)) * BLOCKS // len(points)) % 2 == 1, []
-    for fitted in (odd, ~odd):
+    ends = np.isin(np.arange(len(points)), (0, len(points) - 1))
+    for fitted in (odd | ends, ~odd | ends):
         controls = fit_any(points[fitted], degree)[0]
         square.append(KDTree(bezier(controls, ALONG_POINTS)).query(points[~fitted])[0] ** 2)
     return float(np.sqrt(np.concatenate(square).mean()))
