@@ -46,8 +46,8 @@ from pipeline.world.layout import SIDE, point_segment_distance
 from pipeline.world.rules import valid
 
 DETECTORS: dict[str, Callable[[Tensor, Tensor], Objects]] = {  # of images, and of the empty tables
-    "segmenter": lambda images, empty: detect_objects(images),
-    "segmenter_empty": detect_objects,
+    "segmenter": lambda images, empty: detect_objects(images, looks=True),
+    "segmenter_empty": lambda images, empty: detect_objects(images, empty, looks=True),
 }
 BLIND = "position_only"  # the image-blind baseline, in place of a detector
 VARIANT = "clearance"
@@ -218,7 +218,7 @@ def baselines(cfg: DictConfig) -> pd.DataFrame:
     blind = [(user, 0) for user in cfg.evaluate.users]
     parts = []
     for pool in DRAWN:
-        seen, asked = pack(**vars(detect_objects(to_tensor(scenes.images[pool])))), queries[pool]
+        seen, asked = pack(**vars(detect_objects(to_tensor(scenes.images[pool]), looks=True))), queries[pool]
         p = [probability(model, seen, asked.z) for model in models.values()]
         parts.append(accuracies(models, p, asked.valid).assign(source=pool, top=ALL, detector="segmenter"))
         p = [position_only(prior[user], asked.z) for user, _ in blind]
