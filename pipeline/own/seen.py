@@ -187,7 +187,5 @@ def compared(seen: Seen, scenes: Sequence[str]) -> tuple[pd.DataFrame, int]:
             ends = np.asarray(one.ends, float)
             hits[i] = point_segment_distance(centres, ends[0], ends[1]) - one.radius < NEAR_M
         unlisted += int((~hits.any(1)).sum())
-        rows += [
-            (scenes[scene], kind, bool(hit)) for (kind, _), hit in zip(items, hits.any(axis=0).tolist(), strict=True)
-        ]
+        rows += [(scenes[scene], kind, bool(hit)) for (kind, _), hit in zip(items, map(np.any, hits.T), strict=True)]
     return pd.DataFrame(rows, columns=["scene", "kind", "detected"]), unlisted

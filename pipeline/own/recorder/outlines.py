@@ -40,10 +40,11 @@ def propose(picture: UInt8[Array, "row column 3"], point: Sequence[float], edge:
     mask = np.full(small.shape[:2], cv2.GC_BGD, np.uint8)
     for radius, label in ((1, cv2.GC_PR_BGD), (LIKELY, cv2.GC_PR_FGD), (SURE, cv2.GC_FGD)):
         cv2.circle(mask, centre, max(1, round(radius * reach * WORKING_PX)), label, -1)
-    models = np.zeros((2, 1, 65))
+    background, foreground = np.zeros((1, 65)), np.zeros((1, 65))
+    colours = np.ascontiguousarray(small[..., ::-1])
     cv2.setRNGSeed(0)
     whole = (0, 0, 1, 1)  # not read
-    cv2.grabCut(np.ascontiguousarray(small[..., ::-1]), mask, whole, *models, ROUNDS, cv2.GC_INIT_WITH_MASK)
+    cv2.grabCut(colours, mask, whole, background, foreground, ROUNDS, cv2.GC_INIT_WITH_MASK)
     inside = np.isin(mask, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.uint8)
     inside = cv2.morphologyEx(inside, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     regions = cv2.connectedComponents(inside)[1]
