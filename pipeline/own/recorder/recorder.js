@@ -59,8 +59,9 @@ async function go() {
   await open(overview.scenes.includes(name) ? name : scene?.name ?? firstOpenScene());
 }
 
-function firstOpenScene() { // the first without a path of this person, so that one goes on where one stopped
-  return overview.scenes.find(name => !overview.counts[name]?.[user]) ?? overview.scenes[0];
+function firstOpenScene() { // the first to judge, or without a path of this person, so that one goes on where one stopped
+  const toJudge = overview.scenes.find(name => Object.values(overview.counts[name] ?? {}).some(count => count.unjudged));
+  return toJudge ?? overview.scenes.find(name => !overview.counts[name]?.[user]) ?? overview.scenes[0];
 }
 
 async function open(name) {
