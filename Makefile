@@ -131,7 +131,7 @@ readme: $(READY)  ## put the headlines of reports/metrics.json into the README
 	python -m pipeline.report.exports readme
 
 docs: $(READY)  ## the reference of all modules, from their docstrings: api/index.html
-	pdoc -o api pipeline
+	pdoc -o api $(filter-out pipeline.__% pipeline.robot,$(subst /,.,$(patsubst %/,%,$(basename $(wildcard pipeline/*/ pipeline/*.py)))))
 
 dist: $(READY)  ## wheel and sdist, in dist/; the notebook's code runs from the wheel, with nothing but what that needs
 	rm -rf dist .venv-wheel

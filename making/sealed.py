@@ -18,16 +18,18 @@ EXPECTATIONS = ROOT / "docs/expectations.csv"  # headline, expected, low, high, 
 def sealed_seed(expectations: bytes, draw: str) -> int:
     """Return the root seed, below 2**31, of one draw: it depends on the draw's name and each byte of the expectations.
 
-    Of the draw "seeds" it is the first training set's, from 1000 to 10990; the others follow it.
+    Training sets, "seeds.0" to "seeds.9", have ten seeds in a row from 1000 to 10999.
     """
-    seed = job_seed(hashlib.sha256(expectations).hexdigest(), draw)
-    return 1000 + seed % 1000 * 10 if draw == "seeds" else seed % 2**31
+    name, _, place = draw.partition(".")
+    seed = job_seed(hashlib.sha256(expectations).hexdigest(), name if name == "seeds" else draw)
+    return 1000 + seed % 1000 * 10 + int(place) if name == "seeds" else seed % 2**31
 
 
 def drawn() -> dict[str, int]:
-    """Return the seed that each draw has: root seeds of params.yaml, the first training set, data/, pictures."""
+    """Return the seed that each draw has: training sets, root seeds of params.yaml, data/, pictures."""
     params = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
-    seeds = {"seeds": params["seeds"][0], "unseen items and table tops": SEED} | dict(_root_seeds(params))
+    seeds = {f"seeds.{place}": seed for place, seed in enumerate(params["seeds"])}
+    seeds |= {"unseen_items_and_table_tops": SEED, **dict(_root_seeds(params))}
     for split in ("test_taught", "test_held_out"):
         source = (ROOT / "rendered/pictures" / split / "SOURCE.md").read_text(encoding="utf-8")
         seeds[split] = int(re.findall(r"--seed (\d+)", source)[0])
@@ -44,4 +46,4 @@ def _root_seeds(values: dict, prefix: str = "") -> list[tuple[str, int]]:
 if __name__ == "__main__":
     expectations = EXPECTATIONS.read_bytes()
     for draw, seed in drawn().items():
-        print(draw.replace(" ", "_"), seed, sealed_seed(expectations, draw))
+        print(draw, seed, sealed_seed(expectations, draw))
