@@ -34,6 +34,11 @@ def test_the_wheel_holds_every_module_and_template(tmp_path: Path):
     assert {name.partition("/")[0] for name in held} == {"pipeline"}
 
 
+@pytest.fixture(scope="module")
+def imports() -> grimp.ImportGraph:
+    return grimp.build_graph("pipeline", include_external_packages=True, cache_dir=None)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "extras", "besides"),
@@ -44,11 +49,13 @@ def test_the_wheel_holds_every_module_and_template(tmp_path: Path):
         ("pipeline.sweep.__main__", ["own", "pipeline"], {"configobj"}),  # of dvc
     ],
 )
-def test_what_a_module_imports_is_installed_with_its_extra(module: str, extras: list[str], besides: set[str]):
+def test_what_a_module_imports_is_installed_with_its_extra(
+    imports: grimp.ImportGraph, module: str, extras: list[str], besides: set[str]
+):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     listed = project["dependencies"] + [line for extra in extras for line in project["optional-dependencies"][extra]]
     installed = besides | {re.split(r"[^\w-]", line)[0] for line in listed}
-    imports, distributions = grimp.build_graph("pipeline", include_external_packages=True), packages_distributions()
+    distributions = packages_distributions()
     packages = imports.find_upstream_modules(module) - imports.find_descendants("pipeline") - {"pipeline"}
     needed = {distributions[name][0].lower() for name in packages - sys.stdlib_module_names}
     assert needed <= installed, needed - installed
