@@ -19,7 +19,7 @@ SCENE ?=
 NOTE ?=
 KILLS ?=
 
-.PHONY: help venv venv-cluster repro studies demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review reviewed audit site figures tables readme lint lock sbom params segmenter data render clean
+.PHONY: help venv venv-cluster repro studies demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review reviewed audit site figures tables readme docs dist lint lock sbom params segmenter data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -130,14 +130,24 @@ tables: $(READY)  ## the paper's Table 2 with its bold cells, in LaTeX and Markd
 readme: $(READY)  ## put the headlines of reports/metrics.json into the README
 	python -m pipeline.report.exports readme
 
+docs: $(READY)  ## the reference of all modules, from their docstrings: api/index.html
+	pdoc -o api $(filter-out pipeline.__% pipeline.robot,$(subst /,.,$(patsubst %/,%,$(basename $(wildcard pipeline/*/ pipeline/*.py)))))
+
+dist: $(READY)  ## wheel and sdist, in dist/; the notebook's code runs from the wheel, with nothing but what that needs
+	rm -rf dist .venv-wheel
+	python -m build --no-isolation
+	$(PYTHON) -m venv .venv-wheel
+	.venv-wheel/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	cd dist && ../.venv-wheel/bin/python -c 'import json; exec("".join("".join(c["source"]) + "\n" for c in json.load(open("../docs/library.ipynb"))["cells"] if c["cell_type"] == "code"))'
+
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright
 
 lock: $(READY)  ## pin pyproject.toml's dependencies anew
-	$(COMPILE) -o requirements.lock pyproject.toml
-	$(COMPILE) --extra dev --extra import --extra record --extra review -c requirements.lock -o requirements-dev.lock pyproject.toml
+	$(COMPILE) --extra pipeline -o requirements.lock pyproject.toml
+	$(COMPILE) --extra dev -c requirements.lock -o requirements-dev.lock pyproject.toml
 	$(COMPILE) --extra robot -c requirements-dev.lock -o requirements-robot.lock pyproject.toml
-	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock requirements-robot.lock  # either build will do
+	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/; /^causal-specifications @/,/# via/d' requirements*.lock  # either build of torch will do
 
 sbom: $(READY)  ## software bill of materials of .venv with licences, sbom.json (CycloneDX), by a tool in an environment of its own
 	test -x .venv-sbom/bin/python || $(PYTHON) -m venv .venv-sbom
@@ -163,4 +173,4 @@ render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of 
 	dvc add rendered/pictures && dvc push --remote store rendered/pictures.dvc
 
 clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
-	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom sbom.json .benchmarks multirun demo pdf tables site.html .dvc/cache .dvc/tmp
+	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom .venv-wheel api dist sbom.json .benchmarks multirun demo pdf tables site.html .dvc/cache .dvc/tmp

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pipeline.library import Effect, effect, fit, load, repair, save
 
+__version__ = "3.0.0"
 __all__ = ["Effect", "effect", "fit", "load", "repair", "save"]
 
 

@@ -14,7 +14,8 @@ specs VERB --help          says more; specs --version; specs --completion bash|z
 
 import runpy
 import sys
-from importlib.metadata import version
+
+from pipeline import __version__
 
 OWN = ("report", "check", "record", "ask", "import")  # verbs of a person's own table
 MODULES = dict.fromkeys(OWN, "pipeline.own") | {
@@ -33,10 +34,16 @@ def main() -> int:
         if verb in OWN and verb != "report":
             rest = [verb, *rest]
         sys.argv = [f"specs {verb}", *rest]
-        runpy.run_module(MODULES[verb], run_name="__main__", alter_sys=True)
+        try:
+            runpy.run_module(MODULES[verb], run_name="__main__", alter_sys=True)
+        except ModuleNotFoundError as error:
+            extra = verb if verb == "import" else "own" if verb in OWN else "pipeline"
+            need = f"{error.name}: pip install 'causal-specifications[{extra}]'"
+            print(f"error: specs {verb} needs {need}", file=sys.stderr)
+            return 1
         return 0
     if verb == "--version":
-        print(version("causal-specifications"))
+        print(__version__)
     elif verb == "--completion" and rest in (["bash"], ["zsh"]):
         print(COMPLETION[rest[0]].format(verbs=" ".join(MODULES)))
     elif verb in ("-h", "--help"):

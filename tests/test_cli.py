@@ -4,20 +4,42 @@ import subprocess
 import sys
 
 import pytest
+import yaml
 
+from pipeline import __version__
 from pipeline.cli import MODULES
+from pipeline.runtime.places import ROOT
 
 
-def specs(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "import sys; from pipeline.cli import main; sys.exit(main())", *arguments]
+def specs(*arguments: str, before: str = "") -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", f"import sys; {before}from pipeline.cli import main; sys.exit(main())", *arguments]
     return subprocess.run(command, capture_output=True, text=True)
 
 
 def test_help_names_every_verb_on_one_screen_and_version_is_the_packages():
     told = specs("--help").stdout
     assert all(f"specs {verb}" in told for verb in MODULES) and told.count("\n") < 24
-    assert specs("--version").stdout.count(".") == 2
-    assert "report" in specs("--completion", "bash").stdout
+    assert specs("--version").stdout.strip() == __version__
+
+
+def test_the_version_is_the_citations_and_the_changelogs():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    heading = f"({__version__}, {citation['date-released']})"
+    assert citation["version"] == __version__ and heading in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_bash_completes_verbs():
+    shell = f"{specs('--completion', 'bash').stdout}\ncomplete -p specs"
+    assert all(verb in subprocess.check_output(["bash", "-ec", shell], text=True) for verb in MODULES)
+
+
+@pytest.mark.parametrize(
+    ("verb", "package", "extra"), [("report", "matplotlib", "own"), ("sweep", "hydra", "pipeline")]
+)
+def test_a_verb_whose_packages_are_not_installed_names_its_extra(verb: str, package: str, extra: str):
+    done = specs(verb, "nowhere", before=f"sys.modules[{package!r}] = None; ")
+    assert done.returncode == 1 and done.stderr.startswith(f"error: specs {verb} needs {package}")
+    assert f"pip install 'causal-specifications[{extra}]'" in done.stderr and "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(

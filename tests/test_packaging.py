@@ -1,11 +1,15 @@
-"""`pip install .` gets every module and what modules read beside themselves."""
+"""`pip install .` gets every module, what modules read beside themselves, and the packages that they import."""
 
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 import zipfile
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
+import grimp
 import pytest
 
 from pipeline.runtime.places import ROOT
@@ -28,3 +32,30 @@ def test_the_wheel_holds_every_module_and_template(tmp_path: Path):
     }
     assert wanted <= held, wanted - held
     assert {name.partition("/")[0] for name in held} == {"pipeline"}
+
+
+@pytest.fixture(scope="module")
+def imports() -> grimp.ImportGraph:
+    return grimp.build_graph("pipeline", include_external_packages=True, cache_dir=None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("module", "extras", "besides"),
+    [
+        ("pipeline.library", [], {"numba", "llvmlite"}),  # for the paper's variants alone
+        ("pipeline.own.recorder.serve", ["own"], set()),
+        ("pipeline.own.importing.run", ["own", "import"], set()),
+        ("pipeline.sweep.__main__", ["own", "pipeline"], {"configobj"}),  # of dvc
+    ],
+)
+def test_what_a_module_imports_is_installed_with_its_extra(
+    imports: grimp.ImportGraph, module: str, extras: list[str], besides: set[str]
+):
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    listed = project["dependencies"] + [line for extra in extras for line in project["optional-dependencies"][extra]]
+    installed = besides | {re.split(r"[^\w-]", line)[0] for line in listed}
+    distributions = packages_distributions()
+    packages = imports.find_upstream_modules(module) - imports.find_descendants("pipeline") - {"pipeline"}
+    needed = {distributions[name][0].lower() for name in packages - sys.stdlib_module_names}
+    assert needed <= installed, needed - installed

@@ -23,7 +23,7 @@ def main(arguments: list[str]) -> int:
             else:
                 from pipeline.own.recorder.serve import main as record
         except ModuleNotFoundError as error:
-            raise InputError(f"the recorder needs {error.name}: pip install 'causal-specifications[record]'") from error
+            raise InputError(f"the recorder needs {error.name}: pip install 'causal-specifications[own]'") from error
         return record(arguments[1:])
     if arguments[:1] == ["import"]:
         try:
