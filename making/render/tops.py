@@ -6,6 +6,7 @@ Families are `taught`, `held_out` or `sealed`: no table of a sealed family was r
 from collections.abc import Callable
 from typing import Any
 
+import bpy  # pyright: ignore[reportMissingImports]
 import numpy as np
 
 from making.render.finishes import Nodes, Socket, colour, random_colour
@@ -15,7 +16,7 @@ Rng = np.random.Generator
 
 def table_top(rng: Rng, family: str) -> Any:
     """Draw the material of a table top of this family."""
-    n = Nodes(f"top {family}")
+    n = Nodes(bpy.data.materials.new(f"top {family}"))
     draw = next(families[family] for families in FAMILIES.values() if family in families)
     return n.finish(draw(rng, n))
 
