@@ -114,10 +114,8 @@ def designs() -> list[Design]:
         *(_as_outlined("bowl", n, s, r, partial(bowl, i, *look)) for i, (n, s, r, *look) in enumerate(bowls)),
         *(_as_outlined("plate", n, s, r, partial(plate, i, *look)) for i, (n, s, r, *look) in enumerate(plates)),
         *(
-            Design(
-                n, "cutlery", s, HALF_WIDTH, round(length / 2 - HALF_WIDTH, 4), partial(cutlery, i, kind, length, *look)
-            )
-            for i, (n, s, length, kind, *look) in enumerate(pieces)
+            Design(n, "cutlery", s, HALF_WIDTH, round(look[0] / 2 - HALF_WIDTH, 4), partial(cutlery, i, *look))
+            for i, (n, s, *look) in enumerate(pieces)
         ),
         *(_as_outlined("glass", n, s, r, partial(glass, *look)) for n, s, r, *look in glasses),
     ]

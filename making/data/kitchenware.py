@@ -53,28 +53,24 @@ def _gloss(x: Array, y: Array, x0: float, y0: float, size: float) -> Array:
 
 
 def _painted(seed: int, colour: Array, accent: Colour, pattern: str, r: Array, low: float, high: float) -> Array:
-    """Return the decoration between gauge values `low` and `high` of `r`; ValueError for an unknown pattern."""
+    """Return the decoration between gauge values `low` and `high` of `r`."""
     rng = np.random.default_rng(seed)
     x, y = grid()
     bearing = np.arctan2(y, x)
     band = smoothstep(low - 0.01, low + 0.01, r) * (1 - smoothstep(high - 0.01, high + 0.01, r))
     squares = np.sin(bearing * 14) * np.sin((r - low) * 2 * np.pi / 0.2)
     middle, arc = (low + high) / 2, (bearing / (2 * np.pi) * 20) % 1 - 0.5
-    petal = np.abs(np.sin(bearing * 4)) * (high - low) * 0.9 - np.abs(r - middle) * 1.6
     shares = {
         "plain": lambda: 0 * r,
         "band": lambda: band * smoothstep(middle + 0.08, middle + 0.10, r),
         "rings": lambda: band * (0.5 + 0.5 * np.tanh(np.sin((r - low) * 2 * np.pi / 0.11) / 0.25)),
         "rays": lambda: band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 18) / 0.3)),
-        "petals": lambda: band * smoothstep(-0.012, 0.012, petal),
         "dots": lambda: 1 - smoothstep(0.035, 0.05, np.hypot(arc * 2 * np.pi * middle / 20, r - middle)),
         "checks": lambda: band * (0.5 + 0.5 * np.tanh(squares / 0.15)),
         "speckles": lambda: smoothstep(1.9, 2.2, noise(rng, 0.006, 0.006)),
         "glaze": lambda: np.clip(0.5 + 0.35 * noise(rng, 0.05, 0.05) + 0.8 * (r - 0.6), 0, 1),
         "spiral": lambda: band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 3 + r * 22) / 0.3)),
     }
-    if pattern not in shares:
-        raise ValueError(f"unknown pattern {pattern!r}")
     return mix(colour, accent, shares[pattern]())
 
 
@@ -110,7 +106,7 @@ def _arc(bearing: Array, centre: float, half: float) -> Array:
 
 
 def cutlery(
-    seed: int, kind: str, length: float, metal: Colour, handle: Colour | None, slim: float
+    seed: int, length: float, kind: str, metal: Colour, handle: Colour | None, slim: float
 ) -> UInt8[Array, "side side 4"]:
     """Draw a piece of `length` [m]: `kind` one of PIECES; `handle` None for all metal."""
     x, y = grid()
@@ -154,43 +150,9 @@ def _ends(s: Array, reach: float = 0.08) -> Array:
     return _oval(np.maximum(np.abs(s - 0.5) - (0.5 - reach), 0), 0.0, reach)
 
 
-def _spoon(s: Array, slim: float) -> Array:
-    return np.maximum(_handle(s, slim) * (s < 0.8), _oval(s, 0.845, 0.150))
-
-
-def _fork(s: Array, slim: float) -> Array:
-    head = smoothstep(0.62, 0.74, s) * (0.95 - 0.22 * smoothstep(0.8, 1.0, s)) * (s < 0.995)
-    return np.maximum(_handle(s, slim) * (s < 0.75), head)
-
-
-def _knife(s: Array, slim: float) -> Array:
-    blade = smoothstep(0.50, 0.54, s) * np.sqrt(np.clip((0.995 - s) / 0.12, 0, 1).clip(0, 1))
-    return np.maximum(_handle(s, slim) * (s < 0.55), 0.80 * blade)
-
-
-def _cake_fork(s: Array, slim: float) -> Array:
-    """Return the profile of a broad head from the middle on."""
-    return np.maximum(_handle(s, slim) * (s < 0.6), smoothstep(0.52, 0.60, s) * _ends(s))
-
-
-def _spreader(s: Array, slim: float) -> Array:
-    """Return the profile of a broad blade with a round tip on a short handle."""
-    return np.maximum(_handle(s, slim) * (s < 0.45), smoothstep(0.36, 0.46, s) * _ends(s, 0.14))
-
-
-def _server(s: Array, slim: float) -> Array:
-    """Return the profile of a leaf, broadest in its middle and pointed."""
-    return np.maximum(_handle(s, slim) * (s < 0.6), np.sin(np.pi * ((s - 0.44) / 0.56).clip(0, 1)) ** 0.8)
-
-
-def _ladle(s: Array, slim: float) -> Array:
-    """Return the profile of a round head on a long thin rod."""
-    return np.maximum(slim * _ends(s) * (s < 0.9), _oval(s, 0.92, 0.08))
-
-
-def _pair(s: Array, slim: float) -> Array:
-    """Return the profile of two sticks side by side, slightly closer at their tips, without the slot between them."""
-    return _ends(s) * (1 - (1 - slim) * s)
+def _headed(reach: float, head: Callable[[Array], Array]) -> Callable[[Array, float], Array]:
+    """Return the profile of a head on a handle that ends within it, at `reach` of the length."""
+    return lambda s, slim: np.maximum(_handle(s, slim) * (s < reach), head(s))
 
 
 def _tines(gaps: int, start: float) -> Callable[[Array, Array], Array]:
@@ -210,21 +172,22 @@ def _gap(half: float, start: float) -> Callable[[Array, Array], Array]:
     return lambda s, across: (np.abs(across) < half) & (s > start)
 
 
-def _none(s: Array, across: Array) -> Array:
-    return np.zeros(s.shape, dtype=bool)
-
-
+_NONE = _gap(0.0, 0.0)
+_SPOON = _headed(0.8, lambda s: _oval(s, 0.845, 0.150))
+_LEAF = _headed(0.6, lambda s: np.sin(np.pi * ((s - 0.44) / 0.56).clip(0, 1)) ** 0.8)  # pointed
+_FORK = _headed(0.75, lambda s: smoothstep(0.62, 0.74, s) * (0.95 - 0.22 * smoothstep(0.8, 1.0, s)) * (s < 0.995))
+_KNIFE = _headed(0.55, lambda s: 0.80 * (smoothstep(0.50, 0.54, s) * np.sqrt(np.clip((0.995 - s) / 0.12, 0, 1))))
 BLADES = ("knife", "spreader", "server")
 PIECES = {  # profile, holes, and hollow part: centre and half-length as shares of the length
-    "spoon": (_spoon, _none, (0.845, 0.13)),
-    "fork": (_fork, _tines(3, 0.76), None),
-    "knife": (_knife, _none, None),
-    "spork": (_spoon, _tines(2, 0.90), (0.845, 0.13)),
-    "cake fork": (_cake_fork, _gap(0.22, 0.70), None),
-    "fish fork": (_server, _tines(2, 0.70), None),
-    "spreader": (_spreader, _none, None),
-    "server": (_server, _none, None),
-    "ladle": (_ladle, _none, (0.92, 0.075)),
-    "chopsticks": (_pair, _gap(0.38, 0.0), None),
-    "tongs": (_pair, _gap(0.50, 0.10), None),
+    "spoon": (_SPOON, _NONE, (0.845, 0.13)),
+    "fork": (_FORK, _tines(3, 0.76), None),
+    "knife": (_KNIFE, _NONE, None),
+    "spork": (_SPOON, _tines(2, 0.90), (0.845, 0.13)),
+    "cake fork": (_headed(0.6, lambda s: smoothstep(0.52, 0.60, s) * _ends(s)), _gap(0.22, 0.70), None),
+    "fish fork": (_LEAF, _tines(2, 0.70), None),
+    "spreader": (_headed(0.45, lambda s: smoothstep(0.36, 0.46, s) * _ends(s, 0.14)), _NONE, None),
+    "server": (_LEAF, _NONE, None),
+    "ladle": (lambda s, slim: np.maximum(slim * _ends(s) * (s < 0.9), _oval(s, 0.92, 0.08)), _NONE, (0.92, 0.075)),
+    "chopsticks": (lambda s, slim: _ends(s) * (1 - (1 - slim) * s), _gap(0.38, 0.0), None),
+    "tongs": (lambda s, slim: _ends(s) * (1 - (1 - slim) * s), _gap(0.50, 0.10), None),
 }

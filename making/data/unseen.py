@@ -18,10 +18,10 @@ Row = tuple  # a row of one of the tables in making.data.designs
 
 SEED = 2041  # of every draw
 ITEMS = 6  # of each symbol
-DRAWS = 400  # items of each symbol from which the first ITEMS that keep the rules are taken
 MIN_COLOUR_GAP = 0.1  # least difference from each training colour, in its most different channel [1 = white]
 MAX_TINT, MIN_NEUTRAL = 0.06, 0.5  # white and steel, which any item may share: channels alike, and not dark
 MIN_OUTLINE_GAP = 0.05  # least difference from a circle as a share of the radius; facets of a cut glass differ by 0.03
+SYMBOLS = ("bowl", "plate", "cutlery", "glass")  # in the order of a draw
 TOPS = {"veins": "onyx", "checks": "gingham", "tiles": "tiles", "stripes": "ticking", "cracks": "crackle"}
 # The patterns that resemble no training top, and the names of such tops.
 TOP_PATTERNS = ("veins", "checks", "tiles", "stripes", "blotches", "chips", "cracks", "knots", "boards")  # of the draws
@@ -39,7 +39,8 @@ def unseen_items(symbol: str, training: list[Row]) -> list[Row]:
     shared_kind = {value for row in training for value in row if isinstance(value, str)}
     colours = np.array([colour for row in training for colour in _colours(row)])
     rows: list[Row] = []
-    for row in varied()[symbol]:
+    for items in _items(np.random.default_rng(SEED)):
+        row = items[SYMBOLS.index(symbol)]
         kinds = {value for value in row if isinstance(value, str)}
         near = [np.abs(colours - colour).max(1).min() < MIN_COLOUR_GAP for colour in _colours(row)]
         if kinds & shared_kind or any(near) or not _is_unlike_a_circle(row):
@@ -48,8 +49,8 @@ def unseen_items(symbol: str, training: list[Row]) -> list[Row]:
             shared_kind |= kinds
         rows.append((f"{symbol}-u{len(rows) + 1}", "unseen", *row))
         if len(rows) == ITEMS:
-            return rows
-    raise ValueError(f"{symbol}: {len(rows)} of {DRAWS} draws keep the rules; {ITEMS} are needed")
+            break
+    return rows
 
 
 def _colours(row: Row) -> list[tuple]:
@@ -72,28 +73,20 @@ def unseen_tops() -> list[Row]:
     """Return three rows of making.data.designs' table of table tops: a veined stone and two more of TOPS."""
     stone, *others = TOPS
     kinds = {stone, *np.random.default_rng([SEED, 2]).choice(others, 2, replace=False).tolist()}
-    return [(TOPS[kind], "unseen", kind, *colours) for kind, *colours in varied_tops() if kind in kinds]
-
-
-def varied() -> dict[str, list[Row]]:
-    """Return DRAWS random items of each symbol: rows of the tables in making.data.designs without name and split."""
-    items = list(_items(np.random.default_rng(SEED), DRAWS))
-    return {symbol: [rows[i] for rows in items] for i, symbol in enumerate(("bowl", "plate", "cutlery", "glass"))}
-
-
-def varied_tops() -> list[Row]:
-    """Return a random table top of each pattern: kind and two colours."""
-    rng, tops = np.random.default_rng([SEED, 1]), []
-    for kind in TOP_PATTERNS:
+    rng, rows = np.random.default_rng([SEED, 1]), []
+    for kind in TOP_PATTERNS:  # one of each is drawn
         hue, saturation, value = rng.uniform(0, 1), rng.uniform(0, 0.5), rng.uniform(0.25, 0.92)
         light = colorsys.hsv_to_rgb(hue, saturation, value)
         stain = rng.normal(0, 0.04), rng.uniform(0.8, 1.6), rng.uniform(0.55, 0.8)
         dark = colorsys.hsv_to_rgb((hue + stain[0]) % 1, min(1, saturation * stain[1]), value * stain[2])
-        tops.append((kind, light, dark))
-    return tops
+        if kind in kinds:
+            rows.append((TOPS[kind], "unseen", kind, light, dark))
+    return rows
 
 
-def _items(rng: np.random.Generator, count: int) -> Iterator[tuple[Row, Row, Row, Row]]:
+def _items(rng: np.random.Generator) -> Iterator[tuple[Row, Row, Row, Row]]:
+    """Yield random items without end, one of each symbol: rows of the tables in making.data.designs, unnamed."""
+
     def between(low: float, high: float, digits: int = 2) -> float:
         return round(rng.uniform(low, high), digits)
 
@@ -104,26 +97,24 @@ def _items(rng: np.random.Generator, count: int) -> Iterator[tuple[Row, Row, Row
         return choices[rng.integers(len(choices))]
 
     def outline(*kinds: str) -> Outline:
-        kind = one_of(kinds)
-        if kind == "oval":
-            return oval(between(0.25, 0.65))
-        if kind == "polygon":
-            corners = int(rng.choice([4, 5, 6, 7, 8, 10, 12]))
-            corners += corners % 2
-            return polygon(corners, SHARPNESS[corners])
-        if kind == "scalloped":
-            return scalloped(int(rng.choice([4, 6, 8, 10])), between(0.14, 0.22))
-        if kind in ("one ear", "two ears"):
-            return eared(between(0.18, 0.24), 1 if kind == "one ear" else 2, between(0.44, 0.52))
-        if kind == "spouted":
-            return spouted(between(0.12, 0.18))
-        return cut(int(rng.integers(6, 14))) if kind == "cut" else ROUND
+        corners = (4, 6, 6, 8, 8, 10, 12)  # polygons of six and eight are twice as likely
+        drawn = {
+            "round": lambda: ROUND,
+            "oval": lambda: oval(between(0.25, 0.65)),
+            "polygon": lambda: polygon(sides := int(rng.choice(corners)), SHARPNESS[sides]),
+            "scalloped": lambda: scalloped(int(rng.choice([4, 6, 8, 10])), between(0.14, 0.22)),
+            "one ear": lambda: eared(between(0.18, 0.24), 1, between(0.44, 0.52)),
+            "two ears": lambda: eared(between(0.18, 0.24), 2, between(0.44, 0.52)),
+            "spouted": lambda: spouted(between(0.12, 0.18)),
+            "cut": lambda: cut(int(rng.integers(6, 14))),
+        }
+        return drawn[one_of(kinds)]()
 
     def radius(low: float, high: float, around: Outline) -> float:
         """Draw a radius, smaller for stretched outlines, so that they are not larger than round ones."""
         return round(rng.uniform(low, high) * (1 - 0.55 * around.stretch), 4)
 
-    for _ in range(count):
+    while True:
         around = outline("round", "oval", "polygon", "scalloped", "two ears", "spouted")
         size = radius(0.0605, 0.074, around)
         bowl = size, colour(), colour(), colour(), one_of(PATTERNS), between(0.46, 0.62), around

@@ -3,13 +3,12 @@
 python -m making.render --split validation_taught --seed 5 --into rendered/pictures/validation_taught
 python -m making.render.read rendered/pictures/validation_taught sheet.png     an overview to look at
 
-It runs in an environment of its own (requirements.txt beside this file), with PYTHONPATH=. and Python 3.11. A run that
-was killed goes on where it stopped. SOURCE.md in the folder says what was made and how.
+It runs in an environment of its own (requirements.txt beside this file), with PYTHONPATH=. and Python 3.11.
+SOURCE.md in the folder says what was made and how.
 """
 
 import argparse
 import os
-import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -42,13 +41,13 @@ def main(split: str, seed: int, scenes: int, into: Path) -> None:
     from making.render.tops import FAMILIES
 
     kinds, _, with_interventions = SPLITS[split]
+    families = [*FAMILIES[kinds]]
     rules = LayoutRules.of(yaml.safe_load(Path("conf/scenes.yaml").read_text(encoding="utf-8"))["scenes"]["layout"])
     designs = [design(stream(seed, split, "design", s, i), s, kinds) for s in SYMBOLS for i in range(DESIGNS)]
     columns = [(SYMBOLS.index(d.symbol), d.half_length, d.radius) for d in designs]
     items = Items(*map(np.array, zip(*columns, strict=True)))
     pool = np.arange(len(designs))
-    parts = into / f".part-{split}-{seed}"
-    parts.mkdir(parents=True, exist_ok=True)
+    into.mkdir(parents=True, exist_ok=True)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender prints a line for each picture
     studio.set_up()
     scene_rows, item_rows, pictures = [], [], []
@@ -58,18 +57,11 @@ def main(split: str, seed: int, scenes: int, into: Path) -> None:
         layouts = {"": layout}
         if with_interventions:
             layouts |= {s: add_item(rng, layout, i, items, pool, rules) for i, s in enumerate(SYMBOLS)}
-        family = FAMILIES[kinds][scene % len(FAMILIES[kinds])]
-        part = parts / f"{scene}.npz"
-        if not part.is_file():
-            light, taken = _pictures(studio, designs, layouts, family, (seed, split, scene))
-            new = part.with_suffix(".new.npz")
-            np.savez_compressed(new, light=[str(value) for value in light], **taken)
-            new.rename(part)
-        with np.load(part) as stored:
-            pictures.append({name: stored[name] for name in ("empty", "scene", *layouts) if name})
-            lamps, elevation_deg, camera_m = stored["light"].tolist()
-        light = {"lamps": lamps, "elevation_deg": round(float(elevation_deg), 1), "camera_m": round(float(camera_m), 2)}
-        scene_rows.append({"scene": scene, "top": family, "kinds": kinds, **light})
+        family = families[scene % len(families)]
+        light, taken = _pictures(studio, designs, layouts, family, (seed, split, scene))
+        pictures.append(taken)
+        rounded = {"elevation_deg": round(light.elevation_deg, 1), "camera_m": round(light.camera_m, 2)}
+        scene_rows.append({"scene": scene, "top": family, "kinds": kinds, "lamps": light.lamps, **rounded})
         for added, changed in layouts.items():
             item_rows += _item_rows(scene, added, changed, layout, designs)
     stacks = {name: np.stack([taken[name] for taken in pictures]) for name in pictures[0]}
@@ -80,7 +72,6 @@ def main(split: str, seed: int, scenes: int, into: Path) -> None:
     pd.DataFrame(scene_rows).to_csv(into / "scenes.csv", index=False, lineterminator="\n")
     pd.DataFrame(item_rows).to_csv(into / "items.csv", index=False, lineterminator="\n")
     (into / "SOURCE.md").write_text(_source(split, seed, scenes, bpy.app.version_string), encoding="utf-8")
-    shutil.rmtree(parts)
 
 
 def _pictures(studio, designs, layouts: dict[str, Layouts], family: str, name: tuple) -> tuple:
@@ -110,14 +101,10 @@ def _item_rows(scene: int, added: str, layout: Layouts, before: Layouts, designs
     rows = []
     for slot in np.flatnonzero(layout.present[0] & ((before.symbol[0] == EMPTY) | (added == ""))):
         item = int(layout.item[0, slot])
-        x, y = layout.centre[0, slot]
-        numbers = {"x": x, "y": y} | {
-            name: getattr(layout, name)[0, slot] for name in ("angle", "scale", "half_length", "radius")
-        }
-        row = {
-            "scene": scene, "added": bool(added), "slot": int(slot), "item": item, "symbol": designs[item].symbol,
-            "shape": designs[item].shape, "finish": designs[item].finish,
-        }  # fmt: skip
+        row = {"scene": scene, "added": bool(added), "slot": int(slot), "item": item}
+        row |= {name: getattr(designs[item], name) for name in ("symbol", "shape", "finish")}
+        numbers = dict(zip("xy", layout.centre[0, slot], strict=True))
+        numbers |= {name: getattr(layout, name)[0, slot] for name in ("angle", "scale", "half_length", "radius")}
         rows.append(row | {name: round(value, 5) for name, value in numbers.items()})
     return rows
 

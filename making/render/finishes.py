@@ -13,12 +13,11 @@ Socket = Any  # an output of a node, or a constant in its place
 
 
 class Nodes:
-    """A material under construction."""
+    """The nodes of a material under construction, or of a world's."""
 
-    def __init__(self, name: str) -> None:
-        self.material = bpy.data.materials.new(name)
-        self.material.use_nodes = True
-        self.tree = self.material.node_tree
+    def __init__(self, owner: Any) -> None:
+        self.owner, owner.use_nodes = owner, True
+        self.tree = owner.node_tree
         self.tree.nodes.clear()
 
     def add(self, kind: str, inputs: dict[int | str, Any] | None = None, out: int = 0, **settings: Any) -> Socket:
@@ -101,7 +100,7 @@ class Nodes:
     def finish(self, surface: Socket) -> Any:
         """Return the material with this surface."""
         self.add("OutputMaterial", {"Surface": surface})
-        return self.material
+        return self.owner
 
 
 def colour(hue: float, saturation: float, value: float) -> tuple[float, float, float]:
@@ -123,7 +122,7 @@ def ceramic(seed: int, decoration: str, name: str) -> Any:
     """Return a glazed ceramic: plain, with rings, speckles, two glazes that run into each other, sectors,
     crackles, rings of dots, or a gilded rim.
     """
-    rng, n = np.random.default_rng(seed), Nodes(name)
+    rng, n = np.random.default_rng(seed), Nodes(bpy.data.materials.new(name))
     gauge = n.add("Attribute", attribute_name="gauge", out=2)
     where = n.add("TexCoord", out=3)
     base, accent = random_colour(rng, 0.55), random_colour(rng, 0.15)
@@ -170,7 +169,7 @@ def ceramic(seed: int, decoration: str, name: str) -> Any:
 
 def wood(seed: int, name: str) -> Any:
     """Return oiled wood with its grain along x."""
-    rng, n = np.random.default_rng(seed), Nodes(name)
+    rng, n = np.random.default_rng(seed), Nodes(bpy.data.materials.new(name))
     dark = colour(rng.uniform(0.05, 0.09), rng.uniform(0.4, 0.7), rng.uniform(0.25, 0.5))
     light = colour(rng.uniform(0.07, 0.1), rng.uniform(0.35, 0.6), rng.uniform(0.5, 0.8))
     stretched = n.add("Mapping", {"Vector": n.add("TexCoord", out=3), "Scale": (6.0, 90.0, 90.0)})
@@ -180,7 +179,7 @@ def wood(seed: int, name: str) -> Any:
 
 def metal(seed: int, kind: str, name: str) -> Any:
     """Return polished steel, black steel, a yellow or red metal (`brass`), or either for crockery (`enamel`)."""
-    rng, n = np.random.default_rng(seed), Nodes(name)
+    rng, n = np.random.default_rng(seed), Nodes(bpy.data.materials.new(name))
     steel = colour(0.6, 0.02, rng.uniform(0.72, 0.86))
     brass = colour(rng.uniform(0.04, 0.13), rng.uniform(0.3, 0.55), rng.uniform(0.75, 0.92))
     if kind == "black steel":
@@ -192,13 +191,13 @@ def metal(seed: int, kind: str, name: str) -> Any:
 
 def plastic(seed: int, name: str) -> Any:
     """Return coloured plastic."""
-    rng, n = np.random.default_rng(seed), Nodes(name)
+    rng, n = np.random.default_rng(seed), Nodes(bpy.data.materials.new(name))
     return n.finish(n.principled(random_colour(rng, 0.25), Roughness=rng.uniform(0.2, 0.5)))
 
 
 def striped(seed: int, name: str) -> Any:
     """Return plastic with stripes across the length of a handle."""
-    rng, n = np.random.default_rng(seed), Nodes(name)
+    rng, n = np.random.default_rng(seed), Nodes(bpy.data.materials.new(name))
     band = n.math("LESS_THAN", n.wave(n.axis(n.add("TexCoord", out=3), 0), rng.uniform(0.008, 0.03)), 0.5)
     painted = n.mix(band, random_colour(rng, 0.3), random_colour(rng, 0.3))
     return n.finish(n.principled(painted, Roughness=rng.uniform(0.2, 0.5)))
@@ -210,7 +209,7 @@ def glass(seed: int, kind: str, name: str) -> Any:
 
     Rays that light other things pass straight through, dimmed at grazing angles, for a path tracer finds no caustics.
     """
-    rng, n = np.random.default_rng(seed), Nodes(name)
+    rng, n = np.random.default_rng(seed), Nodes(bpy.data.materials.new(name))
     hue = rng.random()
     tint = {
         "clear": colour(hue, rng.uniform(0.0, 0.02), rng.uniform(0.97, 1.0)),

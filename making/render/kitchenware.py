@@ -207,17 +207,11 @@ def _cutlery(rng: Rng, shape: str, finish: str) -> Design:
         length = rng.uniform(0.135, 0.16)
     half_length = length / 2 - radius
     seed = int(rng.integers(2**31))
-    alloy = {"brass": "brass", "black steel": "black steel"}.get(finish, "steel")
-    head: Paint = partial(finishes.metal, seed, alloy)
-    handle: Paint = head
-    if finish == "striped handle":
-        handle = partial(finishes.striped, seed)
-    if finish in ("plastic handle", "plastic"):
-        handle = partial(finishes.plastic, seed)
-    if finish == "wood":
-        handle = partial(finishes.wood, seed)
-    if finish in ("wood", "plastic"):
-        head = handle
+    metal: Paint = partial(finishes.metal, seed, finish if finish in ("brass", "black steel") else "steel")
+    makers = {"striped": finishes.striped, "plastic": finishes.plastic, "wood": finishes.wood}
+    maker = makers.get(finish.removesuffix(" handle"))
+    handle: Paint = partial(maker, seed) if maker else metal
+    head = metal if finish.endswith(" handle") else handle
     parts = [
         Part(into_capsule(mesh, radius, half_length), head if is_head else handle)
         for mesh, is_head in _piece(rng, shape, radius, length / 2)
@@ -230,12 +224,8 @@ def _piece(rng: Rng, shape: str, radius: float, reach: float) -> list[tuple[Mesh
     if shape == "chopsticks":
         x = np.linspace(-reach, reach, 24)
         width = np.interp(x, [-reach, reach], [0.0038, 0.0022])
-        spread = rng.uniform(0.0, 0.6)
-        sticks = []
-        for side in (-1, 1):
-            y = side * (radius - 0.0038) * np.linspace(1.0, spread, len(x))
-            sticks.append((_rod(x, y, width, width, 0.001), False))
-        return sticks
+        apart = (radius - 0.0038) * np.linspace(1.0, rng.uniform(0.0, 0.6), len(x))
+        return [(_rod(x, side * apart, width, width, 0.001), False) for side in (-1, 1)]
     if shape == "tongs":
         x = np.linspace(-reach, reach, 36)
         width = np.interp(x, [-reach, -0.8 * reach, 0.7 * reach, reach], [0.0022, 0.0028, 0.0030, 0.0045])

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import bpy  # pyright: ignore[reportMissingImports]
 import numpy as np
 
+from making.render.finishes import Nodes
 from making.render.kitchenware import Design
 from making.render.tops import table_top
 from pipeline.world.layout import SIDE
@@ -84,24 +85,16 @@ def _clear() -> None:
 def _surround(rng: np.random.Generator, share: float) -> None:
     """Surround the table by a room of two colours, brighter on one side, that gives this share of the irradiance."""
     world = bpy.context.scene.world = bpy.data.worlds.new("room")
-    world.use_nodes = True
-    tree = world.node_tree
-    tree.nodes.clear()
-    where, noise, ramp = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "TexNoise", "ValToRGB"))
-    back, out = tree.nodes.new("ShaderNodeBackground"), tree.nodes.new("ShaderNodeOutputWorld")
-    noise.noise_dimensions = "4D"
-    noise.inputs["W"].default_value, noise.inputs["Scale"].default_value = rng.uniform(-50, 50), rng.uniform(0.8, 2.5)
+    n = Nodes(world)
+    inputs = {"Vector": n.add("TexCoord"), "W": rng.uniform(-50, 50), "Scale": rng.uniform(0.8, 2.5)}
+    ramp = n.add("ValToRGB", {0: n.add("TexNoise", inputs, noise_dimensions="4D")})
     tint = 1 + rng.normal(0, 0.08, 3)
     low, high = rng.uniform(0.1, 0.6), rng.uniform(1.4, 3.0)
-    ramp.color_ramp.elements[0].color = (*(low * tint), 1.0)
-    ramp.color_ramp.elements[1].color = (*(high * tint[::-1]), 1.0)
-    ramp.color_ramp.elements[0].position, ramp.color_ramp.elements[1].position = 0.35, 0.7
+    stops = zip(ramp.node.color_ramp.elements, (0.35, 0.7), (low * tint, high * tint[::-1]), strict=True)
+    for stop, position, colour in stops:
+        stop.position, stop.color = position, (*colour, 1.0)
     world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", 64
-    back.inputs["Strength"].default_value = share
-    tree.links.new(where.outputs["Generated"], noise.inputs["Vector"])
-    tree.links.new(noise.outputs[0], ramp.inputs[0])
-    tree.links.new(ramp.outputs[0], back.inputs["Color"])
-    tree.links.new(back.outputs[0], out.inputs["Surface"])
+    n.add("OutputWorld", {"Surface": n.add("Background", {"Color": ramp, "Strength": share})})
 
 
 def _lamp(rng: np.random.Generator, lamps: str, elevation: float, irradiance: float) -> None:

@@ -6,6 +6,7 @@ Families are `taught`, `held_out` or `sealed`: no table of a sealed family was r
 from collections.abc import Callable
 from typing import Any
 
+import bpy  # pyright: ignore[reportMissingImports]
 import numpy as np
 
 from making.render.finishes import Nodes, Socket, colour, random_colour
@@ -15,8 +16,9 @@ Rng = np.random.Generator
 
 def table_top(rng: Rng, family: str) -> Any:
     """Draw the material of a table top of this family."""
-    n = Nodes(f"top {family}")
-    return n.finish(TOPS[family](rng, n))
+    n = Nodes(bpy.data.materials.new(f"top {family}"))
+    draw = next(families[family] for families in FAMILIES.values() if family in families)
+    return n.finish(draw(rng, n))
 
 
 def _two_browns(rng: Rng) -> tuple[tuple, tuple]:
@@ -334,16 +336,14 @@ def _bordered(rng: Rng, n: Nodes) -> Socket:
     return n.add("MixShader", {0: n.math("GREATER_THAN", depth, 0.0), 1: _wood(rng, n), 2: cloth})
 
 
-FAMILIES = {
-    "taught": ("wood", "cloth", "stone"),
-    "held_out": ("stripes", "checks", "marble", "terrazzo", "tiles", "weave", "planks", "lacquer"),
-    "sealed": (
-        "herringbone", "cork", "brushed metal", "leather", "bamboo mat", "slate", "pebbles", "resin", "bordered cloth",
-    ),
-}  # fmt: skip
-TOPS: dict[str, Callable[[Rng, Nodes], Socket]] = {
-    "wood": _wood, "cloth": _cloth, "stone": _stone, "stripes": _stripes, "checks": _checks, "marble": _marble,
-    "terrazzo": _terrazzo, "tiles": _tiles, "weave": _weave, "planks": _planks, "lacquer": _lacquer,
-    "herringbone": _herringbone, "cork": _cork, "brushed metal": _brushed_metal, "leather": _leather,
-    "bamboo mat": _bamboo_mat, "slate": _slate, "pebbles": _pebbles, "resin": _resin, "bordered cloth": _bordered,
+FAMILIES: dict[str, dict[str, Callable[[Rng, Nodes], Socket]]] = {
+    "taught": {"wood": _wood, "cloth": _cloth, "stone": _stone},
+    "held_out": {
+        "stripes": _stripes, "checks": _checks, "marble": _marble, "terrazzo": _terrazzo, "tiles": _tiles,
+        "weave": _weave, "planks": _planks, "lacquer": _lacquer,
+    },
+    "sealed": {
+        "herringbone": _herringbone, "cork": _cork, "brushed metal": _brushed_metal, "leather": _leather,
+        "bamboo mat": _bamboo_mat, "slate": _slate, "pebbles": _pebbles, "resin": _resin, "bordered cloth": _bordered,
+    },
 }  # fmt: skip

@@ -7,14 +7,12 @@ python -m pipeline.audit REV --rerun [STAGE ...]
                                              run these stages (default: all of the paper) again in a clean clone, with
                                              the commit's own packages, and compare every output
   --profile PROFILE                          of the rerun, such as smoke: run twice and compare; two commits: run both
-  --out FILE                                 write the Markdown there instead
 
 Exit status: 0 if everything agrees, or no verdict changed and no headline is worse; 1 if not; 2 for a mistake in use.
 """
 
 import argparse
 import sys
-from pathlib import Path
 
 from pipeline.audit.consistency import audit
 from pipeline.audit.difference import Commit, Difference, compare
@@ -23,7 +21,6 @@ from pipeline.audit.revision import checked_out, resolve
 from pipeline.audit.text import headlines_ran, of_audit, of_difference, of_rerun
 from pipeline.git import forget_repository, git
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.writing import atomic_write
 
 
 def main(arguments: list[str]) -> int:
@@ -31,7 +28,6 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m pipeline.audit", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("revision", nargs="*", default=["HEAD"], help="one commit to audit, or two to compare")
-    parser.add_argument("--out", type=Path, help="file to write")
     parser.add_argument("--rerun", nargs="*", metavar="STAGE", help="run these stages again, by default all")
     parser.add_argument("--profile", help="of the rerun, such as smoke: run twice, or two commits, and compare")
     given = parser.parse_args(arguments)
@@ -52,10 +48,7 @@ def main(arguments: list[str]) -> int:
             with checked_out(first) as clone:
                 checks = audit(clone)
             text, wrong = of_audit(first, checks), any(check.faults for check in checks)
-        if given.out:
-            atomic_write(given.out, lambda part: part.write_text(text, encoding="utf-8"))
-        else:
-            print(text, end="")
+        print(text, end="")
     except (InputError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
