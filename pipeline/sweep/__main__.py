@@ -80,7 +80,8 @@ def _sweep(argv: list[str]) -> int:
         with FileLock(folder / ".lock", timeout=0):
             write_json(folder / "sweep.json", record)
             if record["commit"] != (head := git(ROOT, "rev-parse", "HEAD").strip()) and not given.resume:
-                (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, record["commit"]), encoding="utf-8")
+                changes = git(ROOT, "diff-tree", "-p", "--binary", head, record["commit"])
+                (folder / "uncommitted.diff").write_text(changes, encoding="utf-8")
                 print(f"these jobs run uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
             shutil.rmtree(folder / "clones", ignore_errors=True)  # a killed sweep's
             sweep = Sweep(ROOT, folder, Path(dvc(ROOT, "cache", "dir").strip()), record, os.getpid())

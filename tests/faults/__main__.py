@@ -80,7 +80,7 @@ def said(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
     errors = [line for line in lines if line.lower().startswith("error")]
     if "Traceback (most recent call last)" in done.stderr + done.stdout:
         return WRONG, f"traceback: {lines[-1] if lines else ''}"
-    return (MESSAGE, errors[0]) if errors else (WRONG, "no message")
+    return (MESSAGE, errors[0]) if errors else (WRONG, f"status {done.returncode}, no error: {' / '.join(lines[-3:])}")
 
 
 def _differing(first: Path, second: Path) -> list[str]:
