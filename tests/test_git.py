@@ -168,6 +168,12 @@ def test_text_is_utf_8_whatever_the_locale_and_what_a_terminal_lacks_is_replaced
     assert ended.stdout == "? ?\n", ended.stderr
 
 
+def test_a_machine_without_git_is_told_so(tmp_path: Path):
+    code = "import pipeline.git as g; g.forget_repository()"
+    ended = run([sys.executable, "-c", code], ROOT, {"PATH": str(tmp_path)}, capture_output=True)
+    assert (ended.returncode, ended.stderr) == (2, "error: git is missing: apt-get install git\n")
+
+
 @pytest.mark.slow
 def test_a_clone_has_git_s_bytes_where_git_is_told_to_change_line_ends(person: Path, tmp_path: Path):
     git(tmp_path, "clone", "--quiet", "--shared", "--config", "core.autocrlf=true", str(person), "clone")

@@ -290,8 +290,8 @@ def _with_rows(table: pd.DataFrame, fault: str, ends: Ends, folders: Sequence[st
     for name in folders:
         rows["message"] = rows["message"].str.replace(name, "", regex=False)
     counts = rows.value_counts(["fault", "end", "message"], sort=False).reset_index(name="times")
-    others = table[table["fault"] != fault] if len(table) else table
     order = [str(fault.__doc__) for fault in FAULTS]
+    others = table[table["fault"].isin(order) & (table["fault"] != fault)] if len(table) else table  # no former ones
     both = pd.concat([others, counts[["fault", "times", "end", "message"]]])
     return both.sort_values("fault", key=lambda names: names.map(order.index), kind="stable").reset_index(drop=True)
 
