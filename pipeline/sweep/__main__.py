@@ -9,6 +9,7 @@ python -m pipeline.sweep summary FOLDER                    the page of a sweep a
 import argparse
 import os
 import re
+import shlex
 import shutil
 import sys
 import time
@@ -108,7 +109,7 @@ def _summarise(folder: Path) -> int:
     write_summary(folder, record, jobs)
     print(f"{len(jobs) - len(broken)} of {len(jobs)} jobs done; summary: {folder}/index.html")
     if broken:
-        print(f"`python -m pipeline.sweep --resume {folder}` runs the others", file=sys.stderr)
+        print(f"`python -m pipeline.sweep --resume {shlex.quote(str(folder))}` runs the others", file=sys.stderr)
     return int(bool(broken))
 
 
