@@ -6,6 +6,7 @@ PYTHON ?= python3
 VENV := .venv
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
+export PYTHONUTF8 := 1
 unexport $(shell git rev-parse --local-env-vars)  # of the hook or alias that started make: clones are made here
 READY := $(VENV)/.ready
 COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host

@@ -12,21 +12,25 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pipeline.runtime.errors import InputError, replace_unprintable
+from pipeline.runtime.errors import InputError, reported
 
 
 @cache
 def _local_variables() -> tuple[str, ...]:
     """Return the variables by which git names one repository, as git lists them."""
-    listed = subprocess.run(["git", "rev-parse", "--local-env-vars"], capture_output=True, encoding="utf-8", check=True)
+    command = ["git", "rev-parse", "--local-env-vars"]
+    try:
+        listed = subprocess.run(command, capture_output=True, encoding="utf-8", check=True)
+    except FileNotFoundError as error:
+        raise InputError("git is missing: apt-get install git") from error
     return tuple(listed.stdout.split())
 
 
 def forget_repository() -> None:
     """Remove the variables that name a repository from this process: for commands that git may have started."""
-    for name in _local_variables():
-        os.environ.pop(name, None)
-    replace_unprintable()
+    with reported():
+        for name in _local_variables():
+            os.environ.pop(name, None)
 
 
 def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:

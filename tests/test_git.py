@@ -15,6 +15,9 @@ from pipeline.runtime.places import ROOT
 from pipeline.sweep.job import snapshot
 from tests.sweep.running import clone_of_working_tree
 
+# of a person: commits are signed, csv files ignored, hooks shared by all repositories, remotes named otherwise
+PERSONAL = """[commit]\ngpgSign = true\n[core]\nexcludesFile = {0}/ignored\nhooksPath = {0}/hooks
+[clone]\ndefaultRemoteName = up\n[protocol]\nversion = 0\n"""
 MINE = ("-c", "user.name=me", "-c", "user.email=me@localhost")
 SWEEP = f"{sys.executable} -m pipeline.sweep --multirun profile=smoke scenes.layout.clear_of_ends=0.9 --stages scenes"
 
@@ -25,6 +28,13 @@ def person(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = clone_of_working_tree(tmp_path_factory.mktemp("person") / "repository")
     git(root, "checkout", "--quiet", "-b", "mine")
     return root
+
+
+@pytest.fixture
+def personal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "ignored").write_text("*.csv\n")
+    (tmp_path / "config").write_text(PERSONAL.format(tmp_path))
+    monkeypatch.setenv("GIT_CONFIG_GLOBAL", str(tmp_path / "config"))
 
 
 def worktree(person: Path, folder: Path) -> Path:
@@ -62,6 +72,7 @@ def state(root: Path) -> list[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("personal")
 @pytest.mark.parametrize(
     ("place", "start", "command", "ends"),
     [
@@ -106,12 +117,40 @@ def test_git_says_itself_that_a_folder_is_no_repository_though_it_lies_in_one(tm
         git(tmp_path / "download", "rev-parse", "--git-dir")
 
 
-def test_a_clone_of_a_shallow_repository_has_uncommitted_changes_too(tmp_path: Path):
+@pytest.fixture
+def whole(tmp_path: Path) -> Path:
+    """A repository of two commits, of which others may be cloned."""
     git(tmp_path, "init", "--quiet", "whole")
     for text in ("1", "2"):
         (tmp_path / "whole/file").write_text(text)
         git(tmp_path / "whole", "add", "file")
         git(tmp_path / "whole", *MINE, "commit", "--quiet", "--message", text)
+    git(tmp_path / "whole", "config", "uploadpack.allowFilter", "true")
+    git(tmp_path / "whole", "config", "uploadpack.allowAnySHA1InWant", "true")
+    return tmp_path / "whole"
+
+
+def test_an_old_commit_of_a_clone_without_old_files_is_whole(tmp_path: Path, whole: Path):
+    git(tmp_path, "clone", "--quiet", "--filter=blob:none", f"file://{whole}", "partial")
+    before = state(tmp_path / "partial")
+    clone = make_clone(tmp_path / "partial", git(whole, "rev-parse", "HEAD~1").strip(), tmp_path / "clone")
+    assert (clone / "file").read_text() == "1" and state(tmp_path / "partial") == before
+
+
+def test_in_a_clone_no_hook_of_the_person_s_runs_and_no_key_and_no_file_is_missed(tmp_path, whole: Path, request):
+    request.getfixturevalue("personal")
+    (tmp_path / "hooks").mkdir()
+    for name in ("post-checkout", "pre-commit"):
+        (tmp_path / "hooks" / name).write_text("#!/bin/sh\nexit 1\n")
+        (tmp_path / "hooks" / name).chmod(0o755)
+    clone = make_clone(whole, git(whole, "rev-parse", "HEAD~1").strip(), tmp_path / "clone")
+    (clone / "a.csv").write_text("")
+    git(clone, "add", "--all")
+    git(clone, *MINE, "commit", "--quiet", "--message", "x")
+    assert git(clone, "ls-files").split() == ["a.csv", "file"]
+
+
+def test_a_clone_of_a_shallow_repository_has_uncommitted_changes_too(tmp_path: Path, whole: Path):
     git(tmp_path, "clone", "--quiet", "--depth=1", f"file://{tmp_path}/whole", "shallow")
     (tmp_path / "shallow/file").write_text("3")
     clone = make_clone(tmp_path / "shallow", snapshot(tmp_path / "shallow"), tmp_path / "clone")
@@ -127,6 +166,12 @@ def test_text_is_utf_8_whatever_the_locale_and_what_a_terminal_lacks_is_replaced
     latin = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "PYTHONPATH": str(ROOT)}
     ended = run([sys.executable, "-c", code], tmp_path, latin, capture_output=True)
     assert ended.stdout == "? ?\n", ended.stderr
+
+
+def test_a_machine_without_git_is_told_so(tmp_path: Path):
+    code = "import pipeline.git as g; g.forget_repository()"
+    ended = run([sys.executable, "-c", code], ROOT, {"PATH": str(tmp_path)}, capture_output=True)
+    assert (ended.returncode, ended.stderr) == (2, "error: git is missing: apt-get install git\n")
 
 
 @pytest.mark.slow

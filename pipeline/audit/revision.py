@@ -9,6 +9,9 @@ from pipeline.git import git, run
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import ROOT
 
+# of a clone, whatever the person's configuration says: git's bytes, all files, no hooks, no key
+CONFIG = "core.autocrlf=false", "core.excludesFile=/dev/null", "core.hooksPath=/dev/null", "commit.gpgSign=false"
+
 
 @contextmanager
 def checked_out(revision: str) -> Iterator[Path]:
@@ -26,14 +29,27 @@ def make_clone(root: Path, commit: str, clone: Path, left_out: Sequence[str] = (
 
     Both share git's objects. Return the folder.
     """
-    as_committed = ["--config", "core.autocrlf=false"]  # locks name bytes
-    git(root, "clone", "--quiet", "--shared", "--no-checkout", *as_committed, str(root), str(clone))
+    _fetch_lacking(root, commit)
+    config = [word for setting in CONFIG for word in ("--config", setting)]
+    git(root, "clone", "--quiet", "--shared", "--no-checkout", *config, str(root), str(clone))
     # a shallow repository's clone shares no objects, and has branches alone
-    git(clone, "fetch", "--quiet", "origin", commit)
+    git(clone, "-c", "protocol.version=2", "fetch", "--quiet", str(root), commit)
     if left_out:
         git(clone, "sparse-checkout", "set", "--no-cone", "/*", *(f"!/{folder}/" for folder in left_out))
     git(clone, "checkout", "--quiet", "--detach", commit)
     return clone
+
+
+def _fetch_lacking(root: Path, commit: str) -> None:
+    """Fetch the files of a commit that a clone with a filter (`--filter=blob:none`) left out.
+
+    Clones of it cannot: their `git checkout` leaves these files out, too, and ends with 0.
+    """
+    listed = git(root, "rev-list", "--objects", "--no-walk", "--missing=print", commit)
+    if lacking := [line[1:] for line in listed.splitlines() if line.startswith("?")]:
+        key = git(root, "config", "--name-only", "--get-regexp", r"^remote\..*\.promisor$").split()[0]
+        quietly = ["--quiet", "--no-tags", "--no-write-fetch-head", "--filter=blob:none"]
+        git(root, "fetch", *quietly, key.removeprefix("remote.").removesuffix(".promisor"), *lacking)
 
 
 def resolve(revision: str) -> str:

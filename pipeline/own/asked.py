@@ -32,6 +32,7 @@ from pipeline.world.bezier import bezier
 from pipeline.world.rules import line_clearance
 
 ASKED, ANSWERS = "asked", ["trial", "valid", "response_ms"]  # folder; columns of a sitting's csv
+WORDS = {"true": True, "false": False}  # a spreadsheet may write others
 POINTS = 60  # of a path that is shown
 STICKER_M, STICKER_PX, STICKER_RGBA = 0.07, 96, (236, 214, 96, 255)  # a flat round sticker: diameter, and picture
 QUARTERS = 4  # of NEAR_M over which near places are spread evenly
@@ -71,7 +72,8 @@ class Sitting:
             rows = path.with_suffix(".csv")
             table = pd.read_csv(rows) if rows.is_file() else pd.DataFrame(columns=ANSWERS)
             plan = pd.DataFrame(content["trials"])
-            answers = dict(zip(table["trial"].astype(int).tolist(), table["valid"].astype(bool).tolist(), strict=True))
+            valid = [WORDS[str(word).lower()] for word in table["valid"]]
+            answers = dict(zip(table["trial"].astype(int).tolist(), valid, strict=True))
             times = table["response_ms"].astype(float).tolist()
             user, state = content["user"], content["digest"]
             return cls(user, state, plan, content["paths"], content["share_near"], answers, times)

@@ -1,5 +1,6 @@
 """Read and check demonstrations.csv; the recorder checks what a person draws by the same rules."""
 
+import shlex
 from collections.abc import Collection
 from pathlib import Path
 
@@ -27,9 +28,9 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
     Columns: scene, user, demo, t [s], x, y [m on the table], valid, and `name` with scene, user and demo; rows are
     numbered as in the file.
     """
-    file, before = DEMONSTRATIONS, len(faults)
+    file, before, record = DEMONSTRATIONS, len(faults), f"`python -m pipeline.own record {shlex.quote(str(path))}`"
     if not (path / file).is_file():
-        faults.append(f"{file} is missing: draw paths with `python -m pipeline.own record {path}`, or write it")
+        faults.append(f"{file} is missing: draw paths with {record}, or write it")
         return None
     samples = read_checked(path / file, scenes, faults)
     if samples is not None and samples.empty:
@@ -37,8 +38,8 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
     if samples is None or len(faults) > before:
         return None
     bare = samples[samples["valid"] == ""].drop_duplicates(KEY)
-    judge = f"has no label: judge it with `python -m pipeline.own record {path}`, or write true or false"
-    faults.rows(file, bare, f"demonstration ({{scene}}, {{user}}, {{demo}}) {judge}")
+    judge = "has no label: judge it with {record}, or write true or false"
+    faults.rows(file, bare.assign(record=record), f"demonstration ({{scene}}, {{user}}, {{demo}}) {judge}")
     valid, name = samples["valid"].str.lower() == "true", samples["scene"].str.cat(samples[KEY[1:]], sep=", ")
     samples = samples.assign(valid=valid, name=name).sort_values(KEY, kind="stable")
     check_paths(samples, settings, faults)

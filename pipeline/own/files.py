@@ -182,7 +182,8 @@ def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
 
     Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or damaged.
     """
-    return cv2.cvtColor(_decoded(path, name, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH), cv2.COLOR_BGR2RGB)
+    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH))
+    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
 
 
 def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
@@ -190,7 +191,7 @@ def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
 
     Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
     """
-    pixels = _decoded(path, name, cv2.IMREAD_UNCHANGED)
+    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_UNCHANGED))
     if pixels.ndim != 3 or pixels.shape[2] != 4:
         raise InputError(f"{name} has no transparent background: expected an RGBA png; cut the object out")
     if (highest := pixels[..., 3].max()) <= MIN_VISIBLE_ALPHA:
@@ -200,8 +201,11 @@ def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
     return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA)
 
 
-def _decoded(path: Path, name: str, flag: int) -> Array:
-    """Return the pixels, 8 bits a channel, as OpenCV orders them; their number is checked before they are decoded."""
+def decoded(path: Path, name: str, flag: int) -> Array:
+    """Return the pixels as OpenCV gives them; their number is checked before they are decoded.
+
+    Raise InputError, which calls the file `name`, as `read_picture`.
+    """
     try:
         width, height = image_size(path)
     except InputError as error:
@@ -222,6 +226,11 @@ def _decoded(path: Path, name: str, flag: int) -> Array:
     if pixels is None or damage:
         why = f" ({damage[0]})" if damage else ""
         raise InputError(f"{name} is truncated or damaged{why}: expected a whole PNG or JPEG picture; copy it again")
+    return pixels
+
+
+def _eight_bits(pixels: Array) -> Array:
+    """Return pixels of 8 or 16 bits a channel with 8."""
     if pixels.dtype == np.uint8:
         return pixels
     full = 4095 if pixels.max() <= 4095 else 65535  # of 16 bits, nothing would be brighter than 6 %

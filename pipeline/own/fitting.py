@@ -34,6 +34,7 @@ PRIOR_WIDTH_M = 0.055  # standard deviation of the kernel that smooths labels ov
 BINS = 5  # of the calibration; twenty scenes have some 150 demonstrations
 FLAT = 0.05  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
 FEW_CHANGES = 20  # changed decisions below which the interval follows from their number, as in library.effect
+INTERVAL_SCENES = 6  # of a mean difference, at least: five pairs can at best give p = 1/16
 REPAIRED_POINTS = 65  # of a repaired path
 COMPARED_PATHS = 196  # demonstrations of other scenes, at most, on which models are compared in each scene
 
@@ -170,7 +171,8 @@ def gain_from_seeing(judged: pd.DataFrame, scored: pd.DataFrame) -> pd.DataFrame
     """Return for each user what the picture adds to balanced accuracy, over the better image-blind baseline.
 
     gain, ci_low, ci_high (95 % over scenes, paired); blind: that baseline; state: `helps` (the interval lies above 0),
-    `nothing` (it lies below FLAT) or `open`.
+    `nothing` (it lies below FLAT) or `open`. If fewer than FEW_CHANGES decisions differ, the interval reaches as high
+    as their share allows, as in `enough`; fewer than INTERVAL_SCENES scenes exclude nothing.
     """
     rows = []
     for user, part in judged[judged["share"] == 1].groupby("user", sort=False):
@@ -184,6 +186,9 @@ def gain_from_seeing(judged: pd.DataFrame, scored: pd.DataFrame) -> pd.DataFrame
         sums = by_scene.groupby("scene").sum().to_numpy().T
         result = ratio(sums[:1, None], sums[1:, None])
         gain, low, high = (float(v[0]) for v in (result.effect, result.ci_low, result.ci_high))
+        if (changed := int((table[VARIANT] != table[blind]).sum())) < FEW_CHANGES:
+            high = max(high, float(beta.ppf(0.975, changed + 1, len(table) - changed)))
+        low, high = (low, high) if sums.shape[1] >= INTERVAL_SCENES else (-1.0, 1.0)
         state = "helps" if low > 0 else "nothing" if high < FLAT else "open"
         rows.append({"user": user, "blind": blind, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
     return pd.DataFrame(rows)
@@ -209,7 +214,7 @@ def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
 
     gain, ci_low, ci_high (95 % over scenes); state: `rising` (the interval lies above 0), `flat` (it lies below FLAT)
     or `open`. If fewer than FEW_CHANGES decisions differ, the interval is at least as wide as their share allows
-    (Clopper and Pearson, 1934): scenes without any change prove little.
+    (Clopper and Pearson, 1934): scenes without any change prove little, and fewer than INTERVAL_SCENES exclude nothing.
     """
     rows = []
     for user, part in judged[judged["predictor"] == predictor].groupby("user", sort=False):
@@ -222,6 +227,7 @@ def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
         if changed < FEW_CHANGES:
             share = float(beta.ppf(0.975, changed + 1, len(gains) - changed))
             low, high = min(low, -share), max(high, share)
+        low, high = (low, high) if len(gains.groupby("scene")) >= INTERVAL_SCENES else (-1.0, 1.0)
         state = "rising" if low > 0 else "flat" if high < FLAT else "open"
         rows.append({"user": user, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
     return pd.DataFrame(rows)

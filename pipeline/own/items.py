@@ -178,11 +178,15 @@ def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told
     told: dict[str, list[Told]] = {}
     for file in files.listed(path / MASKS, ".png"):
         scene, name = normal(file.stem), f"{MASKS}/{file.name}"
-        mask = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
-        size = (0, 0) if mask is None else mask.shape[1::-1]
+        try:
+            mask = files.decoded(file, name, cv2.IMREAD_UNCHANGED)
+        except InputError as error:
+            faults.append(str(error))
+            continue
+        size = mask.shape[1::-1]
         if scene not in views.sizes:
             faults.append(f"{name}: scene {scene!r} has no picture in scenes/: add it, or correct the name")
-        elif mask is None or mask.ndim != 2:
+        elif mask.ndim != 2:
             faults.append(f"{name} is no grey PNG: expected 0 for the table and another value for each item")
         elif size != views.sizes[scene]:
             theirs = " x ".join(map(str, views.sizes[scene]))

@@ -1,5 +1,6 @@
 """Compute all results of a folder: the tables that its report shows and holds."""
 
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -35,10 +36,12 @@ class Results:
         return name
 
     def title(self, user: str) -> str:
-        """Return a user's name for a figure, or the user's number where the font lacks a letter."""
-        font = get_font(findfont("DejaVu Sans"))
-        known = all(font.get_char_index(ord(letter)) for letter in user)
-        return user.replace("\\", "\\\\").replace("$", r"\$") if known else f"user {list(self.fitted).index(user) + 1}"
+        """Return a user's name for a figure, or the user's number where figures cannot write it."""
+        return _written(user) or f"user {list(self.fitted).index(user) + 1}"
+
+    def kind_title(self, kind: str) -> str:
+        """Return the name of a kind that somebody was asked about, or its number where figures cannot write it."""
+        return _written(kind) or f"kind {self.tables['asked_compared']['kind'].unique().tolist().index(kind) + 1}"
 
     def repaired_paths(self, user: str, scene: str) -> dict[str, Float[Array, "point 2"]]:
         """Return the points [m on the table] of a user's repaired paths in a scene, by demonstration."""
@@ -58,6 +61,13 @@ class Results:
         if "detections" in self.tables:
             counted["recall"] = round(float(self.tables["detections"]["detected"].mean()), 6)
         return {"users": scores.astype(float).round(6).to_dict("index"), **counted}
+
+
+def _written(name: str) -> str:
+    """Return a name for a figure; "" if the font lacks a letter, or one runs from right to left."""
+    font = get_font(findfont("DejaVu Sans"))
+    can = all(font.get_char_index(ord(c)) and unicodedata.bidirectional(c) not in ("R", "AL") for c in name)
+    return name.replace("\\", "\\\\").replace("$", r"\$") if can else ""
 
 
 def compute(folder: Folder, progress: Callable[[str], object]) -> Results:

@@ -9,6 +9,7 @@ python -m pipeline.sweep summary FOLDER                    the page of a sweep a
 import argparse
 import os
 import re
+import shlex
 import shutil
 import sys
 import time
@@ -80,7 +81,8 @@ def _sweep(argv: list[str]) -> int:
         with FileLock(folder / ".lock", timeout=0):
             write_json(folder / "sweep.json", record)
             if record["commit"] != (head := git(ROOT, "rev-parse", "HEAD").strip()) and not given.resume:
-                (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, record["commit"]), encoding="utf-8")
+                changes = git(ROOT, "diff-tree", "-p", "--binary", head, record["commit"])
+                (folder / "uncommitted.diff").write_text(changes, encoding="utf-8")
                 print(f"these jobs run uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
             shutil.rmtree(folder / "clones", ignore_errors=True)  # a killed sweep's
             sweep = Sweep(ROOT, folder, Path(dvc(ROOT, "cache", "dir").strip()), record, os.getpid())
@@ -107,7 +109,7 @@ def _summarise(folder: Path) -> int:
     write_summary(folder, record, jobs)
     print(f"{len(jobs) - len(broken)} of {len(jobs)} jobs done; summary: {folder}/index.html")
     if broken:
-        print(f"`python -m pipeline.sweep --resume {folder}` runs the others", file=sys.stderr)
+        print(f"`python -m pipeline.sweep --resume {shlex.quote(str(folder))}` runs the others", file=sys.stderr)
     return int(bool(broken))
 
 

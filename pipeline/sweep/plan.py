@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -130,4 +131,6 @@ def launch(sweep: Sweep, plan: Plan) -> None:
         if plan.jobs is None and "No trials are completed" in str(error):
             return  # all jobs failed, and the summary says why
         why = f"{type(error).__name__}: {error}"
-        raise InputError(f"the launcher failed ({why}): `--resume {sweep.folder}` runs what is missing") from error
+        raise InputError(
+            f"the launcher failed ({why}): `--resume {shlex.quote(str(sweep.folder))}` runs what is missing"
+        ) from error

@@ -80,7 +80,7 @@ def said(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
     errors = [line for line in lines if line.lower().startswith("error")]
     if "Traceback (most recent call last)" in done.stderr + done.stdout:
         return WRONG, f"traceback: {lines[-1] if lines else ''}"
-    return (MESSAGE, errors[0]) if errors else (WRONG, "no message")
+    return (MESSAGE, errors[0]) if errors else (WRONG, f"status {done.returncode}, no error: {' / '.join(lines[-3:])}")
 
 
 def _differing(first: Path, second: Path) -> list[str]:
@@ -290,8 +290,8 @@ def _with_rows(table: pd.DataFrame, fault: str, ends: Ends, folders: Sequence[st
     for name in folders:
         rows["message"] = rows["message"].str.replace(name, "", regex=False)
     counts = rows.value_counts(["fault", "end", "message"], sort=False).reset_index(name="times")
-    others = table[table["fault"] != fault] if len(table) else table
     order = [str(fault.__doc__) for fault in FAULTS]
+    others = table[table["fault"].isin(order) & (table["fault"] != fault)] if len(table) else table  # no former ones
     both = pd.concat([others, counts[["fault", "times", "end", "message"]]])
     return both.sort_values("fault", key=lambda names: names.map(order.index), kind="stable").reset_index(drop=True)
 

@@ -242,6 +242,12 @@ def test_all_faults_are_named_at_once_and_alike_rows_only_once(folder: Path, cap
     assert main(["check", "a", "b"]) == 2 and capfd.readouterr().err.startswith("error: ")
 
 
+def test_a_command_to_type_names_the_folder_as_a_shell_takes_it(tmp_path: Path):
+    folder = make_folder(tmp_path / "{my} table")
+    change(folder, 2, "valid", "")
+    assert f"`python -m pipeline.own record '{folder}'`" in read_folder(folder)[1][0]
+
+
 @pytest.mark.parametrize(("separator", "first"), [(";", "sep=;\n"), (";", "sep=;;;;;;;\n"), ("\t", "")])
 def test_semicolons_tabs_and_decimal_commas_of_a_spreadsheet_are_read(folder: Path, separator: str, first: str):
     file = folder / "demonstrations.csv"

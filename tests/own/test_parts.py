@@ -2,6 +2,8 @@
 
 from copy import deepcopy
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,6 +14,7 @@ from pipeline.own import fitting, kinds
 from pipeline.own.fitting import UserData
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX, Frame, rectify
+from pipeline.own.results import Results
 from pipeline.perception.objects import Objects
 from pipeline.world.bezier import P_INIT
 from tests.factories import RED, WHITE, draw_table
@@ -68,14 +71,39 @@ def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(fol
     assert kinds.free_place(rng, folder.frame, objects, 0, capsule, P_INIT[None]) is None
 
 
-@pytest.mark.parametrize(("half", "scenes", "state"), [(0.5, 25, "rising"), (1.0, 25, "flat"), (1.0, 6, "open")])
+@pytest.mark.parametrize(
+    ("half", "scenes", "state"), [(0.5, 25, "rising"), (1.0, 25, "flat"), (1.0, 6, "open"), (0.1, 5, "open")]
+)
 def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float, scenes: int, state: str):
-    """No change in 6 scenes proves nothing."""
+    """No change in 6 scenes proves nothing, nor does any in 5."""
     keys = ["share", "scene", "demo"]
     judged = pd.MultiIndex.from_product([(1.0, 0.5), range(scenes), range(8)], names=keys).to_frame(index=False)
     right = np.random.default_rng(1).random(len(judged)) < np.where(judged["share"] == 1, 1.0, half)
     judged = judged.assign(user="Ana", predictor="clearance", valid=True, p=np.where(right, 0.9, 0.1))
     assert fitting.enough(judged, "clearance")["state"].tolist() == [state]
+
+
+@pytest.mark.parametrize(
+    ("blind", "scenes", "state"), [(0.5, 12, "helps"), (0.5, 5, "open"), (1.0, 5, "open"), (1.0, 25, "nothing")]
+)
+def test_that_pictures_help_or_do_not_takes_six_scenes_and_enough_answers(blind: float, scenes: int, state: str):
+    """The same gain in each scene has no variance, and no gain in few answers may be chance."""
+    keys = ["predictor", "scene", "demo"]
+    names = ("clearance", "nearest_demonstration", "position_only")
+    judged = pd.MultiIndex.from_product([names, range(scenes), range(8)], names=keys).to_frame(index=False)
+    valid, wrong = judged["demo"] % 2 == 0, (judged["predictor"] != "clearance") & (judged["demo"] >= 8 * blind)
+    judged = judged.assign(user="Ana", share=1.0, valid=valid, p=np.where(valid != wrong, 0.9, 0.1))
+    found = fitting.gain_from_seeing(judged, fitting.scores(judged))
+    assert found["state"].tolist() == [state]
+
+
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [("Zoë", "Zoë"), ("a$_{2}$\\", r"a\$_{2}\$\\"), ("שלום", "user 2"), ("مريم", "user 2"), ("夕", "user 2")],
+)
+def test_a_figure_has_names_that_it_can_write_and_numbers_for_others(name: str, title: str):
+    results: Any = SimpleNamespace(fitted=["Ana", name])
+    assert Results.title(results, name) == title
 
 
 def test_an_accuracy_without_any_mistake_has_the_exact_interval_of_its_number():

@@ -89,6 +89,15 @@ def test_a_wrong_outline_is_a_fault_with_what_to_do(tmp_path: Path, text: str, f
     assert folder is None and len(faults) == 1 and fault in faults[0], faults
 
 
+def test_a_damaged_mask_is_a_fault(tmp_path: Path):
+    path = make_folder(tmp_path)
+    (path / "masks").mkdir()
+    content = cv2.imencode(".png", np.random.default_rng(0).integers(0, 3, (100, 100), np.uint8))[1].tobytes()
+    (path / "masks" / f"{SCENES[1]}.png").write_bytes(content[: len(content) // 2])
+    _, faults = read_folder(path)
+    assert len(faults) == 1 and f"masks/{SCENES[1]}.png is truncated or damaged" in faults[0]
+
+
 def test_one_scene_told_twice_is_a_fault(tmp_path: Path):
     path = make_folder(tmp_path)
     (path / "items.json").write_text(coco({}))

@@ -1,6 +1,7 @@
 """The command `ask`: trials one at a time, and each answer stored before the next is shown."""
 
 import json
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -151,12 +152,13 @@ def main(arguments: Sequence[str]) -> int:
         raise InputError(f"--minutes is {parsed.minutes:g}: expected minutes above 0 and up to 600")
     folder, faults = read_folder(parsed.folder)
     if folder is None:
-        raise InputError(f"{faults[0]} (python -m pipeline.own check {parsed.folder} says all)")
+        raise InputError(f"{faults[0]} (python -m pipeline.own check {shlex.quote(str(parsed.folder))} says all)")
     asking = Asking(folder, parsed.user, parsed.minutes)
     if asking.apart:
         print(f"The folder has changed since {asking.apart} earlier sittings: their answers are kept apart")
     if not (folder.path / "report" / "tables" / "repaired.parquet").is_file():
-        print(f"There is no report yet, so no repair is asked about: python -m pipeline.own {parsed.folder} makes it")
+        make = f"python -m pipeline.own {shlex.quote(str(parsed.folder))}"
+        print(f"There is no report yet, so no repair is asked about: {make} makes it")
     if folder.cutouts:
         count = len(folder.cutouts)
         pairs = pairs_within(60 * parsed.minutes / SECONDS, count)
@@ -167,6 +169,7 @@ def main(arguments: Sequence[str]) -> int:
 
     def ended() -> str:
         count = sum(len(sitting.answers) for sitting in asking.kept.values())
-        return f"{count} judgements lie in {folder.path / ASKED}. Next: python -m pipeline.own {parsed.folder}"
+        next_one = f"python -m pipeline.own {shlex.quote(str(parsed.folder))}"
+        return f"{count} judgements lie in {folder.path / ASKED}. Next: {next_one}"
 
     return serve(parsed, lambda hosts: application(routes(asking), hosts), "Asking about", ended)

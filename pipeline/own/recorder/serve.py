@@ -6,6 +6,7 @@ What serves it serves `ask`, too.
 import argparse
 import fcntl
 import os
+import shlex
 import socket
 import threading
 import webbrowser
@@ -64,7 +65,9 @@ def main(arguments: Sequence[str]) -> int:
 
     def ended() -> str:
         count = len(opened[0].recorded())
-        return f"{parsed.folder} holds {count} paths. Next: python -m pipeline.own check {parsed.folder}"
+        return (
+            f"{parsed.folder} holds {count} paths. Next: python -m pipeline.own check {shlex.quote(str(parsed.folder))}"
+        )
 
     return serve(parsed, made, "Recording into", ended)
 

@@ -19,7 +19,7 @@ ROUNDING_M = 3e-5  # lengths in items.csv have five decimals
 @pytest.fixture(scope="module")
 def folder() -> Path:
     if not FOLDER.is_dir():
-        pytest.skip(f"{FOLDER} is absent: dvc pull rendered/pictures.dvc")
+        pytest.skip(f"{FOLDER} is absent: make data-here")
     return FOLDER
 
 

@@ -117,6 +117,12 @@ def test_folders_that_leave_nothing_to_ask_are_refused(tmp_path: Path):
         Sitting.read(path / "asked" / "001.json")
 
 
+def test_answers_that_a_spreadsheet_wrote_in_other_words_are_refused(folder: Folder):
+    (folder.path / "asked" / "001.csv").write_text("trial,valid,response_ms\n0,FALSCH,900\n")
+    with pytest.raises(InputError, match=r"001\.json in asked/ cannot be read"):
+        sittings(folder.path)
+
+
 def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(folder: Folder, monkeypatch):
     monkeypatch.setitem(library.TRAINING["clearance"], "steps", 5)
     monkeypatch.setattr(fitting, "SHARES", (1.0,))
