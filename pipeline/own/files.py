@@ -243,20 +243,25 @@ class Settings:
 
 def read_settings(path: Path) -> Settings:
     """Return the settings of table.yaml, or the defaults; raise InputError with a line for each fault."""
+    return check_settings(read_content(path))
+
+
+def read_content(path: Path) -> dict[str, Any]:
+    """Return what a folder's table.yaml holds, all values as texts, {} if there is none; InputError if it cannot be."""
     if not (path / SETTINGS).is_file():
-        return check_settings({})
+        return {}
     try:
         content = yaml.load((path / SETTINGS).read_text(encoding="utf-8"), yaml.BaseLoader)  # 01 is a scene's name
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it") from error
-    return check_settings(content or {})
-
-
-def check_settings(content: Any) -> Settings:
-    """Return what table.yaml holds as settings; raise InputError with a line for each fault."""
-    if not isinstance(content, dict) or set(content) - set(KNOWN):
+    if not isinstance(content or {}, dict) or set(content or {}) - set(KNOWN):
         names = ", ".join(map(repr, content)) if isinstance(content, dict) else type(content).__name__
         raise InputError(f"{SETTINGS} holds {names}: expected some of {', '.join(KNOWN)}")
+    return content or {}
+
+
+def check_settings(content: dict[str, Any]) -> Settings:
+    """Return the content of table.yaml as settings; raise InputError with a line for each fault."""
     faults, corners = list[str](), content.get("corners")
     size = _parsed(SIZE, value := content.get("size_m", 1.0))
     if size is None:
