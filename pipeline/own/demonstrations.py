@@ -22,7 +22,7 @@ MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to
 
 
 def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults: Faults) -> pd.DataFrame | None:
-    """Return the samples of all demonstrations, sorted by demonstration and in their own order; None after a fault.
+    """Return the samples of all labelled demonstrations, sorted by these, each in its own order; None after a fault.
 
     Columns: scene, user, demo, t [s], x, y [m on the table], valid, and `name` with scene, user and demo; rows are
     numbered as in the file.
@@ -36,9 +36,13 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
         faults.append(f"{file} has no row below its header: expected demonstrations")
     if samples is None or len(faults) > before:
         return None
-    bare = samples[samples["valid"] == ""].drop_duplicates(KEY)
-    judge = f"has no label: judge it with `python -m pipeline.own record {path}`, or write true or false"
-    faults.rows(file, bare, f"demonstration ({{scene}}, {{user}}, {{demo}}) {judge}")
+    if count := len(bare := samples[samples["valid"] == ""].drop_duplicates(KEY)):
+        judge = f"judge them with `python -m pipeline.own record {path}`, or write true or false"
+        if count == len(samples.drop_duplicates(KEY)):
+            faults.append(f"{file}, row {bare.index[0]}: no demonstration has a label: {judge}")
+            return None
+        faults.notes.append(f"{count} demonstrations have no label and are left out: {judge}")
+        samples = samples[samples["valid"] != ""]
     valid, name = samples["valid"].str.lower() == "true", samples["scene"].str.cat(samples[KEY[1:]], sep=", ")
     samples = samples.assign(valid=valid, name=name).sort_values(KEY, kind="stable")
     check_paths(samples, settings, faults)

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 
 from pipeline.own import files
 from pipeline.own.files import ITEMS, Faults, Settings, normal
-from pipeline.own.frame import homography, outline, whole
+from pipeline.own.frame import outline, to_metres, whole
 from pipeline.runtime.errors import InputError
 
 COCO, MASKS = "items.json", "masks"
@@ -65,9 +65,7 @@ class Views(NamedTuple):
         """Return places [column, row] of a scene's picture in metres on the table."""
         corners = self.settings.corners_of(scene)
         corners = whole(*self.sizes[scene]) if corners is None else corners
-        matrix = homography(corners, whole(1, 1))
-        share = cv2.perspectiveTransform(pixels[None].astype(float) - 0.5, matrix)[0] + 0.5
-        return np.column_stack([share[:, 0], 1 - share[:, 1]]) * self.settings.size_m
+        return cv2.perspectiveTransform(pixels[None].astype(float), to_metres(corners, self.settings.size_m))[0]
 
 
 def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:

@@ -141,10 +141,12 @@ def _readable(log: Path | str) -> Iterator[None]:
 def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Settings, Choices]:
     """Return what table.yaml and then the command line say of the table and of the log."""
     content = read_content(folder)
-    size = {"size_m": options.pop("size").split(",")} if "size" in options else {}
+    if "size" in options:
+        width, *depth = options.pop("size").split(",")
+        content["size_m"] = [width, *depth] if depth else width
     try:
         confirmed = Choices.model_validate(content.get("import") or {}).model_dump()
-        return check_settings(content | size), Choices.model_validate(confirmed | options)
+        return check_settings(content), Choices.model_validate(confirmed | options)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, ("import", *first["loc"])))

@@ -54,7 +54,7 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     table = pd.DataFrame(cells, dtype=str).set_axis([i for i, _ in rows])
     numbers = [role for role in columns if role not in LABELS]
     decimal = choices.decimal or ("," if table[numbers].map(lambda cell: "," in cell).any(axis=None) else ".")
-    if table["t"].str.contains(":").any():  # dates, or times of day
+    if table["t"].str.contains(":").mean() > 0.5:  # dates, or times of day
         moments = pd.to_datetime(table["t"], format="mixed", errors="coerce", utc=True)
         seconds = (moments - moments.min()).dt.total_seconds().astype(str)
         table["t"], choices = seconds.where(moments.notna(), table["t"]), choices.model_copy(update={"time": "s"})
