@@ -38,11 +38,9 @@ def main(arguments: list[str]) -> int:
         print(f"error: got {' '.join(arguments)}: expected one folder; see --help", file=sys.stderr)
         return 2
 
+    # torch and the models take seconds to import: the commands above need none
     from pipeline.own.figures import draw_scenes
-    from pipeline.own.folder import (  # torch and the models take seconds to import: the recorder needs none
-        SHEET,
-        read_folder,
-    )
+    from pipeline.own.folder import SHEET, read_folder
     from pipeline.own.report import check_replaceable, write_report
     from pipeline.own.results import compute
     from pipeline.runtime.parallel import one_thread

@@ -9,15 +9,11 @@ import pandas as pd
 from pipeline.own.files import DEMONSTRATIONS, KEY, Faults, Settings, read_checked
 
 MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge, over its longer side
-MIN_SAMPLES = 5  # rows of a demonstration: enough for a parabola if they lie well apart
+MIN_SAMPLES = 5  # rows of a demonstration: enough for a curve if they lie well apart
 MAX_SPEED_M_S = 9.0  # our choice, on a table of up to 1 m: from corner to corner in 0.16 s, where nobody shows a path
 CLOCK_S = 0.01  # what a step's times may be off by
 STILL, LOST = 0.001, 0.05  # shorter steps are rest; longer ones may be a lost tracker's; relative to the table's side
-FROZEN_ROWS, CATCH_UP, TELEPORT = (
-    3,
-    2,
-    5,
-)  # rows at rest; times faster, or longer, than usual of the step after, or of any
+FROZEN_ROWS, CATCH_UP, TELEPORT = 3, 2, 5  # rows at rest; times the usual of the step after it, and of any step
 MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
 

@@ -3,7 +3,6 @@
 Outlines that somebody told take the place of the detector's in their scene.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +11,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from pipeline.own import files
 from pipeline.own.files import ITEMS, Faults, Settings, normal
@@ -49,10 +48,22 @@ class _Annotation(BaseModel):
     bbox: tuple[float, float, float, float] | None = None
 
 
-class _Coco(BaseModel):
+class Coco(BaseModel):
+    """Hold what is read of a COCO file."""
+
     images: list[_Image]
     annotations: list[_Annotation]
     categories: list[_Category] = []
+
+    @property
+    def scenes(self) -> dict[int, str]:
+        """Return the scene of each image's number."""
+        return {image.id: normal(Path(image.file_name).stem) for image in self.images}
+
+    @property
+    def kinds(self) -> dict[int, str]:
+        """Return the kind of each category's number."""
+        return {category.id: normal(category.name) for category in self.categories}
 
 
 class Views(NamedTuple):
@@ -106,13 +117,12 @@ def _from_csv(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]
 def _from_coco(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
     """Return the polygons of items.json; pictures that it lists without an annotation hold no item."""
     try:
-        coco = _Coco.model_validate(json.loads((path / COCO).read_text(encoding="utf-8-sig")))
-    except (ValueError, ValidationError) as error:
+        coco = Coco.model_validate_json((path / COCO).read_text(encoding="utf-8-sig"))
+    except ValueError as error:
         why = " ".join(str(error).split())[:200]
         faults.append(f"{COCO} is no COCO file ({why}): expected images, annotations and categories; export it again")
         return {}
-    scenes = {image.id: normal(Path(image.file_name).stem) for image in coco.images}
-    kinds = {category.id: normal(category.name) for category in coco.categories}
+    scenes, kinds = coco.scenes, coco.kinds
     for scene in sorted(set(scenes.values()) - views.sizes.keys()):
         faults.append(f"{COCO} lists {scene!r}, which has no picture in scenes/: add it, or correct file_name")
     for kind in kinds.values():

@@ -14,19 +14,8 @@ import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 
-from pipeline.own.files import (
-    COLUMNS,
-    DEMONSTRATIONS,
-    KEY,
-    SCENES,
-    SETTINGS,
-    Settings,
-    check_settings,
-    has_shape,
-    normal,
-    read_content,
-    read_csv,
-)
+from pipeline.own import files
+from pipeline.own.files import DEMONSTRATIONS, KEY, SCENES, SETTINGS, Settings
 from pipeline.own.importing.segments import MIN_PATH_M, Choices, Recording, check_times, cut, grip, guess_unit, on_table
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import PNG_SIGNATURE, image_size
@@ -48,9 +37,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--frame", help="TF frame of the table: its near left corner, x right, y away from the person")
     parser.add_argument("--picture", help="topic or camera of the scenes' pictures")
     parser.add_argument("--gripper", help="topic, topic:joint or column; demonstrations are while it is closed")
-    parser.add_argument(
-        "--label", help="topic or column that says what the person accepts; or a csv file: scene, valid"
-    )
+    parser.add_argument("--label", help="topic or column of what the person accepts, or a csv file with scene, valid")
     parser.add_argument("--size", metavar="WIDTH,DEPTH", help="of the table [m]")
     parser.add_argument("--columns", metavar="x=NAME,y=NAME,t=NAME", help="in a csv file or a data set")
     parser.add_argument("--user", default="me", help="whose demonstrations they are, where the log names nobody")
@@ -59,7 +46,7 @@ def main(arguments: Sequence[str]) -> int:
     listed, label = {}, Path(options.get("label", ""))
     if label.suffix == ".csv":
         del options["label"]
-        listed = read_csv(label, ["scene", "valid"]).set_index("scene")["valid"].to_dict()
+        listed = files.read_csv(label, ["scene", "valid"]).set_index("scene")["valid"].to_dict()
     if "columns" in options:
         options["columns"] = dict(one.partition("=")[::2] for one in options["columns"].split(","))
     held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
@@ -140,13 +127,13 @@ def _readable(log: Path | str) -> Iterator[None]:
 
 def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Settings, Choices]:
     """Return what table.yaml and then the command line say of the table and of the log."""
-    content = read_content(folder)
+    content = files.read_content(folder)
     if "size" in options:
         width, *depth = options.pop("size").split(",")
         content["size_m"] = [width, *depth] if depth else width
     try:
         confirmed = Choices.model_validate(content.get("import") or {}).model_dump()
-        return check_settings(content), Choices.model_validate(confirmed | options)
+        return files.check_settings(content), Choices.model_validate(confirmed | options)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, ("import", *first["loc"])))
@@ -178,26 +165,25 @@ def _write(
             for rows, picture, end in zip(parts, recording.pictures(begins), [*begins[1:], np.inf], strict=True):
                 numbers[name] += 1
                 base = f"{name}-{numbers[name]:02d}" if totals[name] > 1 else name
-                labels = {"scene": re.sub(r"[^\w.-]+", "-", normal(base)).strip("-."), "user": user} | recording.labels
-                scene = labels["scene"]
-                numbers[scene, labels["user"]] += 1
+                tidy = re.sub(r"[^\w.-]+", "-", files.normal(base)).strip("-.")
+                labels = {"scene": tidy, "user": user} | recording.labels
+                numbers[(scene := labels["scene"]), labels["user"]] += 1
                 heard = [word for after, word in recording.words if rows[0] < after <= end]
-                word = listed.pop(scene, heard[-1] if heard else "").lower()
+                word = listed.get(scene, heard[-1] if heard else "").lower()
                 if word not in VALID:
-                    raise InputError(
-                        f"the label of {scene} is {word!r}: expected one of {', '.join(VALID).strip(', ')}"
-                    )
+                    expected = ", ".join(filter(None, VALID))
+                    raise InputError(f"the label of {scene} is {word!r}: expected one of {expected}")
                 labels = {"demo": str(numbers[scene, labels["user"]]), "valid": VALID[word]} | labels
                 shown.setdefault(scene)
                 if picture is not None:
                     ending = "png" if picture.startswith(PNG_SIGNATURE) else "jpg"
                     (path := folder / SCENES / f"{scene}.{ending}").write_bytes(picture)
-                    shown[scene] = has_shape(*image_size(path), size)
+                    shown[scene] = files.has_shape(*image_size(path), size)
                 t, (x, y) = recording.t[rows] - recording.t[rows[0]], places[rows].T
                 tables.append(pd.DataFrame({"t": t.round(3), "x": x.round(4), "y": y.round(4)}).assign(**labels))
-    if listed:
-        raise InputError(f"--label names {', '.join(listed)}: expected some of {', '.join(shown)}; correct it")
-    table = pd.concat(tables)[COLUMNS[DEMONSTRATIONS]]
+    if unknown := listed.keys() - shown.keys():
+        raise InputError(f"--label names {', '.join(sorted(unknown))}: expected some of {', '.join(shown)}; correct it")
+    table = pd.concat(tables)[files.COLUMNS[DEMONSTRATIONS]]
     table.to_csv(folder / DEMONSTRATIONS, index=False, lineterminator="\n")
     (left, near), (right, far) = table[["x", "y"]].min(), table[["x", "y"]].max()
     bare = [scene for scene, fits in shown.items() if fits is None]

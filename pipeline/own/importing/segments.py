@@ -61,7 +61,7 @@ class Recording:
     gripper: Float[Array, " n"] | None = None
     words: Sequence[tuple[int, str]] = ()  # labels, each after so many samples
     whole: bool = False  # the log says that it is one demonstration
-    labels: dict[str, str] = field(default_factory=dict)  # scene, user, demo, valid, as far as the log has them
+    labels: dict[str, str] = field(default_factory=dict)  # scene, user, demo, as far as the log has them
     pictures: Callable[[Sequence[int]], Iterable[bytes | None]] = lambda rows: repeat(None, len(rows))  # png or jpeg
 
 
