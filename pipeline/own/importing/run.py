@@ -167,7 +167,8 @@ def _write(
                 base = f"{name}-{numbers[name]:02d}" if totals[name] > 1 else name
                 tidy = re.sub(r"[^\w.-]+", "-", files.normal(base)).strip("-.")
                 labels = {"scene": tidy, "user": user} | recording.labels
-                numbers[(scene := labels["scene"]), labels["user"]] += 1
+                scene = labels["scene"]
+                numbers[scene, labels["user"]] += 1
                 heard = [word for after, word in recording.words if rows[0] < after <= end]
                 word = listed.get(scene, heard[-1] if heard else "").lower()
                 if word not in VALID:
