@@ -81,10 +81,12 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     if not any(tracks):
         known = ", ".join(sorted({*parents, *(parent for parent, _ in parents.values())})) or "no frame"
         missing = f"no transform from {', '.join(frames) or hand} to {table}: TF holds {known}"
-        raise InputError(missing if table else f"{path} has no pose in {poses[0].topic}: choose another by --topic")
+        bare = f"{path} has {lost} poses in {''.join(c.topic for c in poses[:1])}, none with numbers: choose by --topic"
+        raise InputError(missing if table else bare)
     if not table and len(frames) > 1:
         raise InputError(f"the poses are in the frames {', '.join(sorted(frames))}: choose the table's by --frame")
-    notes = [f"{lost} poses were left out: no numbers, or before the first transform to {table}"] if lost else []
+    why = f", or before the first transform to {table}" if table else ""
+    notes = [f"{lost} poses were left out: no numbers{why}"] if lost else []
     topic, picture = (connections[0].topic if connections else None for connections in (poses, cameras))
     found = {
         "topic": topic,

@@ -121,7 +121,7 @@ def _readable(log: Path | str) -> Iterator[None]:
         raise
     except Exception as error:
         why = "it is truncated, damaged, or stored in a way that is not supported"
-        advice = "copy it again; docs/import.md says what is read"
+        advice = "copy it again, or repair it (`mcap recover`, `ros2 bag reindex`); docs/import.md says what is read"
         raise InputError(f"{log} cannot be read ({type(error).__name__}: {error}): {why}; {advice}") from error
 
 
@@ -170,11 +170,11 @@ def _write(
                 scene = labels["scene"]
                 numbers[scene, labels["user"]] += 1
                 heard = [word for after, word in recording.words if rows[0] < after <= end]
-                word = listed.get(scene, heard[-1] if heard else "").lower()
-                if word not in VALID:
+                word = listed.get(scene, heard[-1] if heard else "")
+                if word.lower() not in VALID:
                     expected = ", ".join(filter(None, VALID))
                     raise InputError(f"the label of {scene} is {word!r}: expected one of {expected}")
-                labels = {"demo": str(numbers[scene, labels["user"]]), "valid": VALID[word]} | labels
+                labels = {"demo": str(numbers[scene, labels["user"]]), "valid": VALID[word.lower()]} | labels
                 shown.setdefault(scene)
                 if picture is not None:
                     ending = "png" if picture.startswith(PNG_SIGNATURE) else "jpg"
