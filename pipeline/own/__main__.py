@@ -49,14 +49,14 @@ def main(arguments: list[str]) -> int:
     one_thread()
     path, begin = Path(arguments[0]), time.monotonic()
     folder, faults = read_folder(path)
+    for note in [*faults.notes, *(folder.notes if folder else [])]:
+        print(f"note: {note}")
     for fault in faults:  # names of files may hold terminal codes
         print("error:", "".join(c if c.isprintable() else repr(c)[1:-1] for c in fault), file=sys.stderr)
     if folder is None:
         count = "one fault" if len(faults) == 1 else f"{len(faults)} faults"
         print(f"{count} in {path}: correct and check again", file=sys.stderr)
         return 1
-    for note in [*faults.notes, *folder.notes]:
-        print(f"note: {note}")
     counts = f"{len(folder.scenes)} scenes, {len(folder.demos)} demonstrations of {', '.join(folder.users)}"
     print(f"{path}: {counts}; no fault")
     for line in folder.advice:

@@ -21,8 +21,8 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.images import PNG_SIGNATURE, image_size
 
 BAGS, TEXTS = (".mcap", ".db3", ".bag"), (".csv", ".tsv", ".txt")
-VALID = dict.fromkeys(("true", "yes", "good", "valid", "1"), "true")  # what a label may be
-VALID |= dict.fromkeys(("false", "no", "bad", "invalid", "0"), "false") | {"": ""}
+ACCEPTED, REJECTED = ("true", "yes", "good", "valid", "1"), ("false", "no", "bad", "invalid", "0")  # words of labels
+VALID: dict[str, str] = {"": ""} | dict.fromkeys(ACCEPTED, "true") | dict.fromkeys(REJECTED, "false")
 HEADER = "# docs/own-tables.md says what each line is, docs/import.md what stands below `import`.\n"
 Read = Callable[[Path, Choices], tuple[list[Recording], Choices, list[str]]]
 
