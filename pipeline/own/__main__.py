@@ -7,31 +7,29 @@ python -m pipeline.own import LOG FOLDER    a new folder from a ROS bag, a LeRob
 python -m pipeline.own ask FOLDER       a local page that asks people about paths with and without an item (docs/ask.md)
 """
 
+import importlib
 import sys
 import time
 from pathlib import Path
 
 from pipeline.runtime.errors import InputError, reported
 
+COMMANDS = {  # the module of each, and the extra that it needs
+    "record": ("recorder.serve", "own"),
+    "ask": ("recorder.asking", "own"),
+    "import": ("importing.run", "import"),
+}
+
 
 def main(arguments: list[str]) -> int:
     """Run one command; return 0, 1 if the folder has faults, 2 for a wrong command."""
-    if arguments[:1] in (["record"], ["ask"]):
+    if arguments and arguments[0] in COMMANDS:
+        module, extra = COMMANDS[arguments[0]]
         try:
-            if arguments[0] == "ask":
-                from pipeline.own.recorder.asking import main as record
-            else:
-                from pipeline.own.recorder.serve import main as record
+            return importlib.import_module(f"pipeline.own.{module}").main(arguments[1:])
         except ModuleNotFoundError as error:
-            raise InputError(f"the recorder needs {error.name}: pip install 'causal-specifications[own]'") from error
-        return record(arguments[1:])
-    if arguments[:1] == ["import"]:
-        try:
-            from pipeline.own.importing.run import main as import_logs
-
-            return import_logs(arguments[1:])
-        except ModuleNotFoundError as error:
-            raise InputError(f"the import needs {error.name}: pip install 'causal-specifications[import]'") from error
+            need = f"{arguments[0]} needs {error.name}: pip install 'causal-specifications[{extra}]'"
+            raise InputError(need) from error
     if {"-h", "--help"} & set(arguments) or not arguments:
         print(__doc__)
         return 0 if arguments else 2
@@ -40,11 +38,9 @@ def main(arguments: list[str]) -> int:
         print(f"error: got {' '.join(arguments)}: expected one folder; see --help", file=sys.stderr)
         return 2
 
+    # torch and the models take seconds to import: the commands above need none
     from pipeline.own.figures import draw_scenes
-    from pipeline.own.folder import (  # torch and the models take seconds to import: the recorder needs none
-        SHEET,
-        read_folder,
-    )
+    from pipeline.own.folder import SHEET, read_folder
     from pipeline.own.report import check_replaceable, write_report
     from pipeline.own.results import compute
     from pipeline.runtime.parallel import one_thread
@@ -53,14 +49,14 @@ def main(arguments: list[str]) -> int:
     one_thread()
     path, begin = Path(arguments[0]), time.monotonic()
     folder, faults = read_folder(path)
+    for note in [*faults.notes, *(folder.notes if folder else [])]:
+        print(f"note: {note}")
     for fault in faults:  # names of files may hold terminal codes
         print("error:", "".join(c if c.isprintable() else repr(c)[1:-1] for c in fault), file=sys.stderr)
     if folder is None:
         count = "one fault" if len(faults) == 1 else f"{len(faults)} faults"
         print(f"{count} in {path}: correct and check again", file=sys.stderr)
         return 1
-    for note in folder.notes:
-        print(f"note: {note}")
     counts = f"{len(folder.scenes)} scenes, {len(folder.demos)} demonstrations of {', '.join(folder.users)}"
     print(f"{path}: {counts}; no fault")
     for line in folder.advice:

@@ -10,20 +10,16 @@ import pandas as pd
 from pipeline.own.files import DEMONSTRATIONS, KEY, Faults, Settings, read_checked
 
 MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge, over its longer side
-MIN_SAMPLES = 5  # rows of a demonstration: enough for a parabola if they lie well apart
+MIN_SAMPLES = 5  # rows of a demonstration: enough for a curve if they lie well apart
 MAX_SPEED_M_S = 9.0  # our choice, on a table of up to 1 m: from corner to corner in 0.16 s, where nobody shows a path
 CLOCK_S = 0.01  # what a step's times may be off by
 STILL, LOST = 0.001, 0.05  # shorter steps are rest; longer ones may be a lost tracker's; relative to the table's side
-FROZEN_ROWS, CATCH_UP, TELEPORT = (
-    3,
-    2,
-    5,
-)  # rows at rest; times faster, or longer, than usual of the step after, or of any
+FROZEN_ROWS, CATCH_UP, TELEPORT = 3, 2, 5  # rows at rest; times the usual of the step after it, and of any step
 MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
 
 def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults: Faults) -> pd.DataFrame | None:
-    """Return the samples of all demonstrations, sorted by demonstration and in their own order; None after a fault.
+    """Return the samples of all labelled demonstrations, sorted by these, each in its own order; None after a fault.
 
     Columns: scene, user, demo, t [s], x, y [m on the table], valid, and `name` with scene, user and demo; rows are
     numbered as in the file.
@@ -37,9 +33,13 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
         faults.append(f"{file} has no row below its header: expected demonstrations")
     if samples is None or len(faults) > before:
         return None
-    bare = samples[samples["valid"] == ""].drop_duplicates(KEY)
-    judge = "has no label: judge it with {record}, or write true or false"
-    faults.rows(file, bare.assign(record=record), f"demonstration ({{scene}}, {{user}}, {{demo}}) {judge}")
+    if count := len(bare := samples[samples["valid"] == ""].drop_duplicates(KEY)):
+        judge = f"judge them with {record}, or write true or false"
+        if count == len(samples.drop_duplicates(KEY)):
+            faults.append(f"{file}, row {bare.index[0]}: no demonstration has a label: {judge}")
+            return None
+        faults.notes.append(f"{count} demonstrations have no label and are left out: {judge}")
+        samples = samples[samples["valid"] != ""]
     valid, name = samples["valid"].str.lower() == "true", samples["scene"].str.cat(samples[KEY[1:]], sep=", ")
     samples = samples.assign(valid=valid, name=name).sort_values(KEY, kind="stable")
     check_paths(samples, settings, faults)

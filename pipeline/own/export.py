@@ -15,7 +15,8 @@ import yaml
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
-from pipeline.own.fitting import VARIANT, Fitted
+from pipeline.models.base import ValidityModel
+from pipeline.own.fitting import VARIANT
 from pipeline.own.results import Results
 from pipeline.stats.scores import DECISION
 
@@ -34,10 +35,12 @@ def write_exports(results: Results, folder: Path) -> None:
         "# Lengths in metres. docs/own-tables.md says what each line is.\n" + text, encoding="utf-8"
     )
     (folder / MASKS).mkdir()
+    size_m, objects = results.folder.frame.size_m, results.folder.seen.objects
     for number, (user, fitted) in enumerate(results.fitted.items(), 1):
         for scene, name in enumerate(results.folder.scenes, 1):
             stem = folder / MASKS / f"user_{number}-scene_{scene}"
-            _write_mask(stem, keep_out(fitted, results, name), max(results.folder.frame.size_m), f"{user}, {name}")
+            mask = keep_out(fitted.model, objects[[scene - 1]], size_m)
+            write_mask(stem, mask, max(size_m), f"{user}, {name}")
     if importlib.util.find_spec("rosbags"):
         _write_bag(folder / BAG, results)
 
@@ -67,19 +70,19 @@ def _of_user(results: Results, user: str, named: set[str]) -> dict[str, Any]:
     return said | {"kinds": kinds, "never_tested": sorted(named - kinds.keys())}
 
 
-def keep_out(fitted: Fitted, results: Results, scene: str) -> Bool[Array, "row column"]:
-    """Return where the model rejects standing on a table, row 0 at the far edge; the model is the one of all scenes."""
-    width, depth = (
-        max(1, round(FIELDS * each / max(results.folder.frame.size_m))) for each in results.folder.frame.size_m
-    )
+def keep_out(model: ValidityModel, seen: Any, size_m: tuple[float, float]) -> Bool[Array, "row column"]:
+    """Return where the model rejects standing on a table of this width and depth, row 0 at the far edge.
+
+    seen: the objects, or the picture, of one scene.
+    """
+    width, depth = (max(1, round(FIELDS * each / max(size_m))) for each in size_m)
     x, y = np.meshgrid((np.arange(width) + 0.5) / FIELDS, (np.arange(depth)[::-1] + 0.5) / FIELDS)
     places = np.stack([x, y], -1).reshape(1, -1, 1, 2)
     standing = np.concatenate([places, places + np.array([STANDING_M, 0])], axis=2)
-    seen = results.folder.seen.objects[[results.folder.scenes.index(scene)]]
-    return (fitted.model.probability(seen, standing)[0] <= DECISION).reshape(depth, width)
+    return (model.probability(seen, standing)[0] <= DECISION).reshape(depth, width)
 
 
-def _write_mask(stem: Path, mask: Bool[Array, "row column"], side_m: float, title: str) -> None:
+def write_mask(stem: Path, mask: Bool[Array, "row column"], side_m: float, title: str) -> None:
     """Write a mask as PGM with the yaml of Nav2's map server; its origin is the table's near left corner."""
     grey = np.where(mask, OCCUPIED, FREE).astype(np.uint8)
     stem.with_suffix(".pgm").write_bytes(cv2.imencode(".pgm", grey)[1].tobytes())

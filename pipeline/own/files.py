@@ -1,28 +1,21 @@
-"""Read the files that people write: csv row by row, pictures safely, table.yaml; sentences name what is wrong."""
+"""Read the files that people write: csv row by row, table.yaml; sentences name what is wrong."""
 
 import csv
-import os
 import re
 import unicodedata
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from tempfile import TemporaryFile
-from threading import Lock
 from typing import Annotated, Any
 
-import cv2
 import numpy as np
 import pandas as pd
 import yaml
-from jaxtyping import UInt8
 from numpy import ndarray as Array
 from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from pipeline.runtime.errors import InputError
-from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
-from pipeline.world.images import image_size
 
 DEMONSTRATIONS, ITEMS, CUTOUTS, SETTINGS = "demonstrations.csv", "items.csv", "kinds.csv", "table.yaml"
 SCENES, KINDS = "scenes", "kinds"  # folders with the pictures of tables, and with a folder of cut-outs for each kind
@@ -36,10 +29,7 @@ WORDS = {*KEY, "kind", "file", "valid"}  # columns that hold names, or a word; t
 
 ENDINGS = (".jpg", ".jpeg", ".png")
 UNREAD = (".bmp", ".dng", ".gif", ".heic", ".heif", ".tif", ".tiff", ".webp")  # of pictures that are not read
-MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
 SHAPE_WITHIN = 0.02  # a picture of just the table has the table's shape within this share
-DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
-_one_decoder = Lock()  # as it takes descriptor 2
 
 KNOWN = ("size_m", "corners", "rectified", "import")
 MIN_TABLE_PX = 50  # shortest side of the table in a picture
@@ -51,7 +41,11 @@ SIZE, CORNERS = TypeAdapter(Side | tuple[Side, Side]), TypeAdapter(tuple[Pair, P
 
 
 class Faults(list[str]):
-    """Sentences that each name a file, what came, what was expected and what to do."""
+    """Sentences that each name a file, what came, what was expected and what to do; and notes, which are no faults."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.notes: list[str] = []
 
     def rows(self, file: str, wrong: pd.DataFrame, sentence: str) -> None:
         """Add a sentence for the first of these wrong rows, and the number of rows like it.
@@ -177,66 +171,6 @@ def has_shape(width: int, height: int, size_m: Array) -> bool:
     return bool(abs(across - along) <= SHAPE_WITHIN * max(across, along))
 
 
-def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
-    """Return a photograph as RGB, turned upright as its EXIF data says.
-
-    Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or damaged.
-    """
-    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH))
-    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
-
-
-def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
-    """Return a cut-out as RGBA with straight alpha.
-
-    Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
-    """
-    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_UNCHANGED))
-    if pixels.ndim != 3 or pixels.shape[2] != 4:
-        raise InputError(f"{name} has no transparent background: expected an RGBA png; cut the object out")
-    if (highest := pixels[..., 3].max()) <= MIN_VISIBLE_ALPHA:
-        raise InputError(f"{name} has an alpha of at most {highest} of 255: expected 255 where the object is")
-    if pixels[..., 3].min() == 255:
-        raise InputError(f"{name} is opaque everywhere: expected an object on a transparent background")
-    return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA)
-
-
-def decoded(path: Path, name: str, flag: int) -> Array:
-    """Return the pixels as OpenCV gives them; their number is checked before they are decoded.
-
-    Raise InputError, which calls the file `name`, as `read_picture`.
-    """
-    try:
-        width, height = image_size(path)
-    except InputError as error:
-        raise InputError(f"{name} cannot be read: expected a whole PNG or JPEG picture; save it again") from error
-    if width * height > MAX_PIXELS:
-        most = f"{MAX_PIXELS // 1_000_000} megapixels"
-        raise InputError(f"{name} has {width} x {height} pixels: expected at most {most}; scale it down")
-    with _one_decoder, TemporaryFile() as said:  # libjpeg and libpng write their warnings to descriptor 2
-        before = os.dup(2)
-        os.dup2(said.fileno(), 2)
-        try:
-            pixels = cv2.imdecode(np.fromfile(path, np.uint8), flag)
-        finally:
-            os.dup2(before, 2)
-            os.close(before)
-        said.seek(0)
-        damage = DAMAGE.search(said.read().decode("ascii", "replace"))
-    if pixels is None or damage:
-        why = f" ({damage[0]})" if damage else ""
-        raise InputError(f"{name} is truncated or damaged{why}: expected a whole PNG or JPEG picture; copy it again")
-    return pixels
-
-
-def _eight_bits(pixels: Array) -> Array:
-    """Return pixels of 8 or 16 bits a channel with 8."""
-    if pixels.dtype == np.uint8:
-        return pixels
-    full = 4095 if pixels.max() <= 4095 else 65535  # of 16 bits, nothing would be brighter than 6 %
-    return np.rint(pixels * (255 / full)).astype(np.uint8)
-
-
 @dataclass
 class Settings:
     """Hold what table.yaml says."""
@@ -252,20 +186,25 @@ class Settings:
 
 def read_settings(path: Path) -> Settings:
     """Return the settings of table.yaml, or the defaults; raise InputError with a line for each fault."""
+    return check_settings(read_content(path))
+
+
+def read_content(path: Path) -> dict[str, Any]:
+    """Return what a folder's table.yaml holds, all values as texts, {} if there is none; InputError if it cannot be."""
     if not (path / SETTINGS).is_file():
-        return check_settings({})
+        return {}
     try:
         content = yaml.load((path / SETTINGS).read_text(encoding="utf-8"), yaml.BaseLoader)  # 01 is a scene's name
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it") from error
-    return check_settings(content or {})
-
-
-def check_settings(content: Any) -> Settings:
-    """Return what table.yaml holds as settings; raise InputError with a line for each fault."""
-    if not isinstance(content, dict) or set(content) - set(KNOWN):
+    if not isinstance(content or {}, dict) or set(content or {}) - set(KNOWN):
         names = ", ".join(map(repr, content)) if isinstance(content, dict) else type(content).__name__
         raise InputError(f"{SETTINGS} holds {names}: expected some of {', '.join(KNOWN)}")
+    return content or {}
+
+
+def check_settings(content: dict[str, Any]) -> Settings:
+    """Return the content of table.yaml as settings; raise InputError with a line for each fault."""
     faults, corners = list[str](), content.get("corners")
     size = _parsed(SIZE, value := content.get("size_m", 1.0))
     if size is None:

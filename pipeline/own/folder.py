@@ -1,7 +1,6 @@
 """Read and check a person's folder (docs/own-tables.md): every fault becomes a sentence before anything runs."""
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,29 +9,21 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
-from scipy.spatial import KDTree
 
-from pipeline.models.base import Z_RANGE_M
-from pipeline.models.clearance.clearance import PATH_SAMPLES
 from pipeline.own import files
+from pipeline.own.curves import POOR_ABOVE_M, control_columns, fit_demonstrations
 from pipeline.own.demonstrations import read_samples
 from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCENES, SETTINGS, Faults, Settings, normal
 from pipeline.own.frame import Frame, outline, rectify
 from pipeline.own.items import COCO, MASKS, Told, Views, read_items
+from pipeline.own.pictures import read_cutout, read_picture
 from pipeline.own.seen import ALONE, EMPTY, STACK, Seen, look
 from pipeline.perception.empty import Empty, empty_table
 from pipeline.runtime.errors import InputError
-from pipeline.world.bezier import bernstein, bezier, elevated
-from pipeline.world.bezier_fit import fit_any
 from pipeline.world.layout import SIDE
 
 SHEET = "check.png"  # every picture with the outlines of what is seen
 SIZES_PX = 6, 45  # of a typical item, where the detector is at its best [hundredths of the table's side]
-DEGREES = (2, 3, 4, 5)  # of the curves that are fitted; one for the whole folder
-TRIED, BLOCKS = 40, 10  # demonstrations that choose the degree; parts of each, every other of which is left out
-POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a curve that misses the hand by more is a poor fit
-MAX_NOISE_GAIN = 2.0  # of a fit; demonstrations of 12 samples evenly along a parabola have some 0.6
-ALONG_POINTS, WEAKEST = 257, 1e-6  # on a path; information of a control point that no sample determines
 
 
 @dataclass(frozen=True)
@@ -193,93 +184,12 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
     return Folder(path, frame, canvases, demos, degrees, empty, not by_scene, told, cutouts), faults
 
 
-def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return one row for each demonstration of `read_samples`, sorted by scene, user and demo, and `choose_degree`.
-
-    Columns: scene, user, demo, valid, c0_x, c0_y, c1_x, ... (control points of a Bezier curve [m of the model]),
-    residual_m (root mean square distance from the curve, metres on the table), poor and `noise_gain`. Adds a fault for
-    paths out of the models' range, and for those that their samples do not determine.
-    """
-    offsets = np.append(np.flatnonzero(~samples.duplicated(KEY)), len(samples))
-    hands = np.split(frame.to_model(samples[["x", "y"]].to_numpy()), offsets[1:-1])
-    degrees = choose_degree(hands, frame.scale)
-    degree = int(degrees.loc[degrees["chosen"], "degree"].iloc[0])
-    rows, controls = [], []
-    for points in hands:
-        own, u, residual = fit_any(points, min(degree, len(points) - 2))
-        rows.append((noise_gain(own, u), residual / frame.scale, residual > POOR_ABOVE_M))
-        controls.append(elevated(own, degree))
-    demos = samples.iloc[offsets[:-1]].copy()
-    demos[["noise_gain", "residual_m", "poor"]] = rows
-    curves = bezier(np.stack(controls), PATH_SAMPLES)
-    far = demos[(np.abs(curves - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=(1, 2))]
-    beyond = "demonstration ({name}) swings out farther than the models' paths can: leave it out"
-    faults.rows(DEMONSTRATIONS, far, beyond)
-    loose = "demonstration ({name}) does not determine its path: expected more samples between its ends"
-    faults.rows(DEMONSTRATIONS, demos[demos["noise_gain"] > MAX_NOISE_GAIN], loose)
-    demos = demos[[*KEY, "valid", "residual_m", "poor", "noise_gain"]].reset_index(drop=True)
-    demos["poor"] = demos["poor"].astype(bool)
-    demos[control_columns(degree)] = np.reshape(controls, (len(demos), -1))
-    return demos, degrees
-
-
-def control_columns(degree: int) -> list[str]:
-    """Return the columns of control points, x and y of each in turn."""
-    return [f"c{k}_{axis}" for k in range(degree + 1) for axis in "xy"]
-
-
-def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.DataFrame:
-    """Return how far curves of each degree pass from the parts of a hand's path that they were not fitted to.
-
-    Columns: degree, demonstrations, left_out_m (root mean square distance, averaged over demonstrations), error (its
-    standard error; both in metres on the table) and chosen: the lowest degree within one standard error of the best.
-    Each path is cut into BLOCKS parts, of which every other one is left out, in turn. Without two
-    paths of enough samples the lowest degree is chosen.
-    """
-    long = [points for points in hands if len(points) >= 4 * max(DEGREES)]
-    tried = [long[i] for i in np.linspace(0, len(long) - 1, min(TRIED, len(long))).astype(int)]
-    away = np.array([[_left_out(points, degree) for degree in DEGREES] for points in tried]).reshape(-1, len(DEGREES))
-    table = pd.DataFrame({"degree": DEGREES, "demonstrations": len(tried)})
-    if len(tried) < 2:
-        return table.assign(left_out_m=np.nan, error=np.nan, chosen=table.index == 0)
-    mean, best = away.mean(0), int(away.mean(0).argmin())
-    error = (away - away[:, [best]]).std(0, ddof=1) / np.sqrt(len(tried))  # of the difference from the best
-    chosen = int((mean <= mean[best] + error).argmax())
-    return table.assign(left_out_m=mean / scale, error=error / scale, chosen=table.index == chosen)
-
-
-def _left_out(points: Float[Array, "sample 2"], degree: int) -> float:
-    """Return the root mean square distance [m] of parts of a path that a curve, fitted to its ends, did not see."""
-    odd, square = (np.arange(len(points)) * BLOCKS // len(points)) % 2 == 1, []
-    ends = np.isin(np.arange(len(points)), (0, len(points) - 1))
-    for fitted in (odd | ends, ~odd | ends):
-        controls = fit_any(points[fitted], degree)[0]
-        square.append(KDTree(bezier(controls, ALONG_POINTS)).query(points[~fitted])[0] ** 2)
-    return float(np.sqrt(np.concatenate(square).mean()))
-
-
-def noise_gain(controls: Float[Array, "control 2"], u: Float[Array, " sample"]) -> float:
-    """Return a fitted path's standard deviation, the median along it, per unit of noise in each sample.
-
-    The control points' information is the sum over samples of e e^T, with e the change of the orthogonal distance at
-    the sample's parameter u. The gain counts changes across the path alone: along it control points may slide. The
-    median leaves out the tip of a folded path, where no hand is precise.
-    """
-    t, degree = np.linspace(0, 1, ALONG_POINTS), len(controls) - 1
-    along = bernstein(t, degree - 1) @ np.diff(controls, axis=0)
-    across = along[:, ::-1] * [-1, 1] / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-    change = (bernstein(t, degree)[:, :, None] * across[:, None]).reshape(len(t), -1)
-    at_samples = change[np.rint(u * (ALONG_POINTS - 1)).astype(int)]
-    covariance = np.linalg.inv(at_samples.T @ at_samples + WEAKEST * np.eye(change.shape[1]))
-    return float(np.sqrt(np.median((change @ covariance * change).sum(1))))
-
-
 def _read_canvas(
     file: Path, name: str, corners: Array | None, settings: Settings, faults: Faults
 ) -> tuple[Array, tuple[int, int]] | None:
     """Return a rectified picture with the width and height of the original, or None after a fault."""
     try:
-        picture = files.read_picture(file, name)
+        picture = read_picture(file, name)
     except (InputError, OSError) as error:
         faults.append(str(error))
         return None
@@ -317,7 +227,7 @@ def _read_cutouts(path: Path, faults: Faults) -> dict[str, list[tuple[Array, flo
                 raise InputError(f"{name} is missing: add the cut-out, or remove the row")
             if not 0 < width <= files.SIDES_M[1]:
                 raise InputError(f"width_m is {width:g}: expected the picture's width in metres, above 0")
-            cutouts.setdefault(kind, []).append((files.read_cutout(pictures[kind, file], name), width))
+            cutouts.setdefault(kind, []).append((read_cutout(pictures[kind, file], name), width))
         except (InputError, OSError) as error:
             faults.append(f"{CUTOUTS}, row {row}: {error}")
     for kind in sorted(folders.keys() - {kind for kind, _ in pictures}):

@@ -12,12 +12,14 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 
+from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SIDE
 
 CANVAS_PX = 4 * SIDE  # side of a rectified table: fine enough to place cut-outs at a quarter of a model's pixel
 MAX_FINER = 4  # a photograph is warped at up to this many times CANVAS_PX, then averaged, so that nothing aliases
 SMOOTH_PX = 101  # the median that removes objects from the rim which continues the table beyond its edge
 RIM_PX = CANVAS_PX // 100  # the canvas' outermost hundredth repeats its neighbour: nobody marks corners to the pixel
+MIN_DEPTH = 1e-9  # relative to the picture's corner; no point of a table is so near to its horizon
 CIRCLE = np.linspace(0, 2 * np.pi, 48)  # bearings of an outline's points
 
 
@@ -53,6 +55,21 @@ def whole(width: int, height: int) -> Float[Array, "4 2"]:
 def homography(corners: Float[Array, "4 2"], others: Float[Array, "4 2"]) -> Float[Array, "3 3"]:
     """Return the matrix between places in pixels as OpenCV warps: it counts from the first pixel's centre."""
     return cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), (others - 0.5).astype(np.float32))
+
+
+def to_metres(corners: Float[Array, "4 2"], size_m: Sequence[float] | Array) -> Float[Array, "3 3"]:
+    """Return the matrix from a picture's places [px] to metres on the table, whose near left corner is (0, 0)."""
+    table = np.asarray(size_m) * np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
+    matrix = cv2.getPerspectiveTransform(corners.astype(np.float32), table.astype(np.float32))
+    depth = corners.mean(axis=0) @ matrix[2, :2] + matrix[2, 2]
+    return matrix * np.sign(depth)  # depths are positive on this side of the table's horizon
+
+
+def mapped(matrix: Float[Array, "3 3"], points: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
+    """Return points under a homography; raise InputError for points at or beyond the table's horizon."""
+    if (points @ matrix[2, :2] + matrix[2, 2] <= MIN_DEPTH).any():
+        raise InputError("a point lies above the horizon of the table: draw on the table")
+    return cv2.perspectiveTransform(points[:, None].astype(np.float64), matrix)[:, 0]
 
 
 def rectify(

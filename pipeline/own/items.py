@@ -3,7 +3,6 @@
 Outlines that somebody told take the place of the detector's in their scene.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -12,11 +11,12 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from pipeline.own import files
 from pipeline.own.files import ITEMS, Faults, Settings, normal
-from pipeline.own.frame import homography, outline, whole
+from pipeline.own.frame import outline, to_metres, whole
+from pipeline.own.pictures import decoded
 from pipeline.runtime.errors import InputError
 
 COCO, MASKS = "items.json", "masks"
@@ -49,10 +49,22 @@ class _Annotation(BaseModel):
     bbox: tuple[float, float, float, float] | None = None
 
 
-class _Coco(BaseModel):
+class Coco(BaseModel):
+    """Hold what is read of a COCO file."""
+
     images: list[_Image]
     annotations: list[_Annotation]
     categories: list[_Category] = []
+
+    @property
+    def scenes(self) -> dict[int, str]:
+        """Return the scene of each image's number."""
+        return {image.id: normal(Path(image.file_name).stem) for image in self.images}
+
+    @property
+    def kinds(self) -> dict[int, str]:
+        """Return the kind of each category's number."""
+        return {category.id: normal(category.name) for category in self.categories}
 
 
 class Views(NamedTuple):
@@ -65,9 +77,7 @@ class Views(NamedTuple):
         """Return places [column, row] of a scene's picture in metres on the table."""
         corners = self.settings.corners_of(scene)
         corners = whole(*self.sizes[scene]) if corners is None else corners
-        matrix = homography(corners, whole(1, 1))
-        share = cv2.perspectiveTransform(pixels[None].astype(float) - 0.5, matrix)[0] + 0.5
-        return np.column_stack([share[:, 0], 1 - share[:, 1]]) * self.settings.size_m
+        return cv2.perspectiveTransform(pixels[None].astype(float), to_metres(corners, self.settings.size_m))[0]
 
 
 def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
@@ -108,13 +118,12 @@ def _from_csv(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]
 def _from_coco(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
     """Return the polygons of items.json; pictures that it lists without an annotation hold no item."""
     try:
-        coco = _Coco.model_validate(json.loads((path / COCO).read_text(encoding="utf-8-sig")))
-    except (ValueError, ValidationError) as error:
+        coco = Coco.model_validate_json((path / COCO).read_text(encoding="utf-8-sig"))
+    except ValueError as error:
         why = " ".join(str(error).split())[:200]
         faults.append(f"{COCO} is no COCO file ({why}): expected images, annotations and categories; export it again")
         return {}
-    scenes = {image.id: normal(Path(image.file_name).stem) for image in coco.images}
-    kinds = {category.id: normal(category.name) for category in coco.categories}
+    scenes, kinds = coco.scenes, coco.kinds
     for scene in sorted(set(scenes.values()) - views.sizes.keys()):
         faults.append(f"{COCO} lists {scene!r}, which has no picture in scenes/: add it, or correct file_name")
     for kind in kinds.values():
@@ -179,7 +188,7 @@ def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told
     for file in files.listed(path / MASKS, ".png"):
         scene, name = normal(file.stem), f"{MASKS}/{file.name}"
         try:
-            mask = files.decoded(file, name, cv2.IMREAD_UNCHANGED)
+            mask = decoded(file, name, cv2.IMREAD_UNCHANGED)
         except InputError as error:
             faults.append(str(error))
             continue

@@ -211,7 +211,8 @@ def test_a_kill_in_the_middle_of_drawing_loses_only_that_path(browser: Browser, 
 
 
 def test_imported_paths_without_a_label_are_judged_by_a_key_each(tab, folder: Path):
-    rows = [f"first,robot,{demo},{t / 10},{0.1 + t / 12},{0.1 + t / 12}," for demo in (1, 2) for t in range(9)]
+    keys = ("first,robot,1", "first,robot,2", "second,robot,1")
+    rows = [f"{key},{t / 10},{0.1 + t / 12},{0.1 + t / 12}," for key in keys for t in range(9)]
     (folder / "demonstrations.csv").write_text("\n".join(["scene,user,demo,t,x,y,valid", *rows, ""]))
     page = tab(user=None)
     expect(page.locator("#message")).to_contain_text("A stored path of robot waits, yellow: is it valid? 1 more")
@@ -220,7 +221,10 @@ def test_imported_paths_without_a_label_are_judged_by_a_key_each(tab, folder: Pa
     expect(page.get_by_role("row", name="first 1 + 0, 1 to judge")).to_be_visible()
     page.keyboard.press("n")
     expect(page.get_by_role("row", name="first 1 + 1")).to_be_visible()
-    assert [bool(one["valid"].all()) for one in paths(folder)] == [True, False]
+    expect(page.locator("#scene-title")).to_contain_text("second")
+    page.keyboard.press("v")
+    expect(page.get_by_role("row", name="second 1 + 0")).to_be_visible()
+    assert [bool(one["valid"].all()) for one in paths(folder)] == [True, False, True]
 
 
 def test_corners_and_size_of_the_table_are_stored(browser: Browser, tab, folder: Path):

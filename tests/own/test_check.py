@@ -11,10 +11,12 @@ import pandas as pd
 import pytest
 
 from pipeline.own.__main__ import main
+from pipeline.own.curves import MAX_NOISE_GAIN, choose_degree, fit_demonstrations, noise_gain
 from pipeline.own.demonstrations import check_paths
-from pipeline.own.files import KEY, Faults, check_settings, read_picture
-from pipeline.own.folder import MAX_NOISE_GAIN, choose_degree, fit_demonstrations, noise_gain, read_folder
+from pipeline.own.files import KEY, Faults, check_settings
+from pipeline.own.folder import read_folder
 from pipeline.own.frame import Frame
+from pipeline.own.pictures import read_picture
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT, as_controls, bernstein, bezier, curve, random_z_theta
 from pipeline.world.bezier_fit import fit_any
@@ -178,6 +180,10 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "damaged scan": (damaged, "scenes/tea.jpg is truncated or damaged (Corrupt JPEG data"),
     "other ending of the settings": (text("table.yml", ""), "table.yml is not read: rename it to table.yaml"),
     "bidirectional override": (cell(3, "user", "Ana\u202e"), "row 3: user is 'Ana\\u202e'"),
+    "no label at all": (
+        lambda p: edit(p, lambda t: t.assign(valid="")),
+        "row 2: no demonstration has a label: judge them with `python -m pipeline.own record",
+    ),
     "one kind of label": (
         lambda p: edit(p, lambda t: t.assign(valid="true")),
         "row 2: all 16 demonstrations of user Ana are valid: expected both",
@@ -227,6 +233,13 @@ def test_a_whole_folder_has_no_fault_and_neither_check_nor_a_run_touches_a_repor
     with pytest.raises(InputError, match="is not an earlier report"):
         main([str(folder)])
     assert sorted(folder.rglob("*")) == sorted([*before, folder / "check.png"])
+
+
+def test_demonstrations_without_a_label_are_left_out_and_counted(folder: Path, capfd):
+    edit(folder, lambda table: table.assign(valid=table["valid"].where(table["demo"].isin(["1", "3"]), "")))
+    assert main(["check", str(folder)]) == 0
+    said = capfd.readouterr().out
+    assert "16 demonstrations have no label and are left out" in said and "4 scenes, 16 demonstrations" in said
 
 
 def test_all_faults_are_named_at_once_and_alike_rows_only_once(folder: Path, capfd):

@@ -3,6 +3,7 @@
 from array import array
 from collections import deque
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -35,6 +36,7 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     hand, table = ((name or "").lstrip("/") for name in (choices.hand, choices.frame))
     parents, frames, held, lost, count = Parents(), set[str](), np.nan, 0, 0
     tracks = list[array]()  # t [s], x, y, gripper, when the bag received it [ns], t ... of each recording
+    said = list[tuple[int, str]]()  # labels, with when the bag received them [ns]
     with opened(path) as bag:
         if hand and not table:
             raise InputError("--hand needs the table's frame: add --frame")
@@ -44,15 +46,18 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
             raise InputError(f"{path} holds {listed}: expected {', '.join(POSES)}, or TF by --hand and --frame")
         gripper, _, joint = (choices.gripper or "").partition(":")
         grippers = choose(bag, gripper, "--gripper") if gripper else []
+        labels = choose(bag, choices.label, "--label") if choices.label else []
         cameras = choose(bag, choices.picture, "--picture", PICTURES)
         tf = [c for c in bag.connections if c.msgtype == TF and table]
-        for connection, logged, raw in bag.messages([*poses, *grippers, *tf]):
+        for connection, logged, raw in bag.messages([*poses, *grippers, *labels, *tf]):
             message, samples = bag.deserialize(raw, connection.msgtype), []
             if connection in tf:
                 update(parents, message)
                 samples = [(logged * 1e-9, hand, ORIGIN)] if hand else []
             elif connection in grippers:
                 held = _value(message, joint, held)
+            elif connection in labels:
+                said.append((logged, str(getattr(message, "data", connection.msgtype))))
             elif connection.msgtype == PATH:
                 samples = [(_seconds(p.header.stamp), p.header.frame_id, p.pose.position) for p in message.poses]
                 tracks.append(array("d"))
@@ -76,10 +81,12 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     if not any(tracks):
         known = ", ".join(sorted({*parents, *(parent for parent, _ in parents.values())})) or "no frame"
         missing = f"no transform from {', '.join(frames) or hand} to {table}: TF holds {known}"
-        raise InputError(missing if table else f"{path} has no pose in {poses[0].topic}: choose another by --topic")
+        bare = f"{path} has {lost} poses in {''.join(c.topic for c in poses[:1])}, none with numbers: choose by --topic"
+        raise InputError(missing if table else bare)
     if not table and len(frames) > 1:
         raise InputError(f"the poses are in the frames {', '.join(sorted(frames))}: choose the table's by --frame")
-    notes = [f"{lost} poses were left out: no numbers, or before the first transform to {table}"] if lost else []
+    why = f", or before the first transform to {table}" if table else ""
+    notes = [f"{lost} poses were left out: no numbers{why}"] if lost else []
     topic, picture = (connections[0].topic if connections else None for connections in (poses, cameras))
     found = {
         "topic": topic,
@@ -87,12 +94,17 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
         "frame": choices.frame or next(iter(frames)),
         "unit": choices.unit or "m",
     }
-    choices, recordings = choices.model_copy(update=found), []
-    for samples in (np.array(track).reshape(-1, 5) for track in tracks if track):
-        if topic and poses[0].msgtype == PATH and not np.ptp(samples[:, 0]):
+    choices, recordings, whole = choices.model_copy(update=found), [], bool(topic) and poses[0].msgtype == PATH
+    parts = [np.array(track).reshape(-1, 5) for track in tracks if track]
+    for samples, after in zip(parts, [*parts[1:], np.full((1, 5), np.inf)], strict=True):
+        if whole and not np.ptp(samples[:, 0]):
             samples[:, 0] = np.arange(len(samples)) * PLAN_STEP_S
             notes.append(f"a path has no times: {PLAN_STEP_S} s between its poses is assumed")
-        recordings.append(_recording(path, samples, bool(topic) and poses[0].msgtype == PATH, choices))
+        heard = [(t, word) for t, word in said if samples[0, 4] <= t < after[0, 4]]
+        words = [(int(np.searchsorted(samples[:, 4], t)), word) for t, word in heard]
+        t, gripper = samples[:, 0] - samples[0, 0], samples[:, 3] if choices.gripper else None
+        pictures = partial(_pictures, path, choices, samples[:, 4])
+        recordings.append(Recording(path.resolve().stem, t, samples[:, 1:3], gripper, words, whole, {}, pictures))
     return recordings, choices, notes
 
 
@@ -135,14 +147,10 @@ def between(parents: Parents, source: str, target: str) -> Float[Array, "4 4"] |
     return None if common is None else np.linalg.inv(downs[common]) @ ups[common]
 
 
-def _recording(path: Path, samples: Float[Array, "n 5"], whole: bool, choices: Choices) -> Recording:
-    def pictures(rows: Sequence[int]) -> Iterator[bytes | None]:
-        with opened(path) as bag:
-            cameras = choose(bag, choices.picture, "--picture", PICTURES)
-            yield from (_picture(bag, cameras, int(samples[row, 4])) if cameras else None for row in rows)
-
-    t, gripper = samples[:, 0] - samples[0, 0], samples[:, 3] if choices.gripper else None
-    return Recording(path.resolve().stem, t, samples[:, 1:3], gripper, whole, {}, pictures)
+def _pictures(path: Path, choices: Choices, logged: Float[Array, " n"], rows: Sequence[int]) -> Iterator[bytes | None]:
+    with opened(path) as bag:
+        cameras = choose(bag, choices.picture, "--picture", PICTURES)
+        yield from (_picture(bag, cameras, int(logged[row])) if cameras else None for row in rows)
 
 
 def _seconds(stamp: Any) -> float:

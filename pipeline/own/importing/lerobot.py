@@ -28,15 +28,15 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     cameras = [key for key, one in features.items() if one["dtype"] == "video"]
     if choices.picture not in (None, *cameras) or (choices.picture is None and len(cameras) > 1):
         raise InputError(f"{path} has the cameras {', '.join(cameras) or 'none'}: choose one of them by --picture")
-    names = {f"{key}.{name}": (key, i) for key, one in features.items() for i, name in enumerate(_names(one))}
-    columns = {**(choices.columns or {}), **({"gripper": choices.gripper} if choices.gripper else {})}
+    names = {name: (key, i) for key, one in features.items() for i, name in enumerate(_names(key, one))}
+    columns = choices.named
     if "x" not in columns:
         columns |= pair([name for name in names if name.startswith(STATE)]) or pair(names)
     places = {role: names.get(name) or names.get(f"{STATE}.{name}") for role, name in columns.items() if role != "t"}
     if not {"x", "y"} <= places.keys() or None in places.values():
         lacking = ", ".join(columns[role] for role, place in places.items() if place is None) or "no x and y"
         known = f"{path} has the columns {', '.join(names) or 'without names'}: {lacking} among them"
-        raise InputError(f"{known}; choose by --columns x=NAME,y=NAME and --gripper NAME")
+        raise InputError(f"{known}; choose by --columns x=NAME,y=NAME, --gripper NAME, --label NAME")
     camera = choices.picture or next(iter(cameras), None)
     videos = _videos(path, info, camera) if camera else None
     recordings: dict[int, Recording] = {}
@@ -51,17 +51,20 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
                 return (_frame(*videos[episode], float(t[row])) if videos else None for row in at)
 
             name = f"{path.resolve().name}-{episode:03d}"
-            recordings[episode] = Recording(name, t, xy, values.get("gripper"), True, {}, pictures)
+            words = [(i, f"{word:g}") for i, word in enumerate(values.get("valid", ()), 1)]
+            recordings[episode] = Recording(name, t, xy, values.get("gripper"), words, True, {}, pictures)
     if missing := {*range(count)} - recordings.keys():
         raise InputError(f"{path} lacks {len(missing)} of {count} episodes, the first {min(missing)}: copy it again")
     return list(recordings.values()), choices.model_copy(update={"columns": columns, "picture": camera}), []
 
 
-def _names(feature: dict[str, Any]) -> list[str]:
-    """Return the names of a vector's columns; some robots put them into groups."""
+def _names(key: str, feature: dict[str, Any]) -> list[str]:
+    """Return the names of a feature's columns; some robots put them into groups, and single numbers have none."""
     names = feature.get("names") or []
     names = [name for group in names.values() for name in group] if isinstance(names, dict) else names
-    return [] if feature["dtype"] in ("video", "image") else names
+    if feature["dtype"] in ("video", "image", "string"):
+        return []
+    return [key] if feature.get("shape") == [1] else [f"{key}.{name}" for name in names]
 
 
 def _parquet(file: Path, keys: Sequence[str]) -> dict[str, Array]:

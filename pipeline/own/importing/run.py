@@ -10,17 +10,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
-import yaml
-from numpy import ndarray as Array
 from pydantic import ValidationError
 
-from pipeline.own.files import COLUMNS, DEMONSTRATIONS, KEY, SCENES, SETTINGS, check_settings, normal
+from pipeline.own import files
+from pipeline.own.files import DEMONSTRATIONS, KEY, SCENES, SETTINGS, Settings
 from pipeline.own.importing.segments import MIN_PATH_M, Choices, Recording, check_times, cut, grip, guess_unit, on_table
 from pipeline.runtime.errors import InputError
-from pipeline.world.images import PNG_SIGNATURE
+from pipeline.world.images import PNG_SIGNATURE, image_size
 
 BAGS, TEXTS = (".mcap", ".db3", ".bag"), (".csv", ".tsv", ".txt")
+ACCEPTED, REJECTED = ("true", "yes", "good", "valid", "1"), ("false", "no", "bad", "invalid", "0")  # words of labels
+VALID: dict[str, str] = {"": ""} | dict.fromkeys(ACCEPTED, "true") | dict.fromkeys(REJECTED, "false")
 HEADER = "# docs/own-tables.md says what each line is, docs/import.md what stands below `import`.\n"
 Read = Callable[[Path, Choices], tuple[list[Recording], Choices, list[str]]]
 
@@ -35,17 +37,25 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--frame", help="TF frame of the table: its near left corner, x right, y away from the person")
     parser.add_argument("--picture", help="topic or camera of the scenes' pictures")
     parser.add_argument("--gripper", help="topic, topic:joint or column; demonstrations are while it is closed")
+    parser.add_argument("--label", help="topic or column of what the person accepts, or a csv file with scene, valid")
+    parser.add_argument("--size", metavar="WIDTH,DEPTH", help="of the table [m]")
     parser.add_argument("--columns", metavar="x=NAME,y=NAME,t=NAME", help="in a csv file or a data set")
     parser.add_argument("--user", default="me", help="whose demonstrations they are, where the log names nobody")
     options = {name: value for name, value in vars(parser.parse_args(arguments)).items() if value is not None}
     logs, folder, user = options.pop("logs"), options.pop("folder").resolve(), options.pop("user")
+    listed, label = {}, Path(options.get("label", ""))
+    if label.suffix == ".csv":
+        del options["label"]
+        listed = files.read_csv(label, ["scene", "valid"]).set_index("scene")["valid"].to_dict()
     if "columns" in options:
         options["columns"] = dict(one.partition("=")[::2] for one in options["columns"].split(","))
     held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
-    if (folder.exists() and not folder.is_dir()) or {*held} - {SETTINGS}:
+    if (folder.exists() and not folder.is_dir()) or {*held} - {SETTINGS} or (held and "size" in options):
         what = f"{folder} holds {', '.join(held) or 'no folder'}"
-        raise InputError(f"{what}: expected a new folder, or one with {SETTINGS} alone; move the rest away")
-    size, choices = _confirmed(folder, options)
+        raise InputError(
+            f"{what}: expected a new folder, or one with {SETTINGS} alone and no --size; move the rest away"
+        )
+    settings, choices = _confirmed(folder, options)
     recordings, notes = list[Recording](), list[str]()
     for log in logs:
         read = _reader(log)
@@ -70,9 +80,10 @@ def main(arguments: Sequence[str]) -> int:
     shutil.rmtree(staged, ignore_errors=True)  # of a run that was killed
     try:
         (staged / SCENES).mkdir(parents=True)
-        notes += _write(staged, recordings, choices, middle, size, user)
+        notes += _write(staged, recordings, choices, middle, settings, user, listed)
         if not held:
-            text = f"{HEADER}size_m: [{size[0]:g}, {size[1]:g}]  # width and depth of the table [m]\n{section}"
+            width, depth = settings.size_m
+            text = f"{HEADER}size_m: [{width:g}, {depth:g}]  # width and depth of the table [m]\n{section}"
             (staged / SETTINGS).write_text(text, encoding="utf-8")
         folder.mkdir(parents=True, exist_ok=True)
         for path in sorted(staged.iterdir(), reverse=True):  # demonstrations.csv last
@@ -81,6 +92,7 @@ def main(arguments: Sequence[str]) -> int:
         shutil.rmtree(staged, ignore_errors=True)
     print(section, *(f"note: {note}\n" for note in notes), sep="", end="")
     print(f"{folder}: is a line above wrong? Correct it in {SETTINGS}, remove the other files, and import again")
+    print(f"next: python -m pipeline.own {'record ' if any('recorder' in note for note in notes) else ''}{folder}")
     return 0
 
 
@@ -109,19 +121,19 @@ def _readable(log: Path | str) -> Iterator[None]:
         raise
     except Exception as error:
         why = "it is truncated, damaged, or stored in a way that is not supported"
-        advice = "copy it again; docs/import.md says what is read"
+        advice = "copy it again, or repair it (`mcap recover`, `ros2 bag reindex`); docs/import.md says what is read"
         raise InputError(f"{log} cannot be read ({type(error).__name__}: {error}): {why}; {advice}") from error
 
 
-def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Array, Choices]:
-    """Return the table's width and depth [m], and what table.yaml and then the command line say of the log."""
+def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Settings, Choices]:
+    """Return what table.yaml and then the command line say of the table and of the log."""
+    content = files.read_content(folder)
+    if "size" in options:
+        width, *depth = options.pop("size").split(",")
+        content["size_m"] = [width, *depth] if depth else width
     try:
-        text = (folder / SETTINGS).read_text(encoding="utf-8") if (folder / SETTINGS).is_file() else ""
-        size = check_settings(content := yaml.load(text, yaml.BaseLoader) or {}).size_m
         confirmed = Choices.model_validate(content.get("import") or {}).model_dump()
-        return size, Choices.model_validate(confirmed | options)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it") from error
+        return files.check_settings(content), Choices.model_validate(confirmed | options)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, ("import", *first["loc"])))
@@ -129,35 +141,53 @@ def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Array, Choices]:
 
 
 def _write(
-    folder: Path, recordings: Sequence[Recording], choices: Choices, middle: float, size: Array, user: str
+    folder: Path,
+    recordings: Sequence[Recording],
+    choices: Choices,
+    middle: float,
+    settings: Settings,
+    user: str,
+    listed: dict[str, str],
 ) -> list[str]:
     """Write pictures and demonstrations.csv into an empty folder; return remarks. InputError if nothing moves."""
+    size = settings.size_m
     metres = [on_table(recording.places, choices, size[1]) for recording in recordings]
     runs = [cut(recording, places, choices, middle) for recording, places in zip(recordings, metres, strict=True)]
-    totals, numbers, tables, bare = Counter[str](), Counter[Any](), [], set[str]()
+    totals, numbers, tables, shown = Counter[str](), Counter[Any](), [], dict[str, bool | None]()
     for recording, parts in zip(recordings, runs, strict=True):
         totals[recording.name] += len(parts)
     if not totals.total():
         used = choices.model_dump_json(exclude_none=True)
         raise InputError(f"no movement is {MIN_PATH_M:g} m long: correct unit, topic, columns or segments of {used}")
     for recording, places, parts in zip(recordings, metres, runs, strict=True):
-        with _readable(f"a picture of {recording.name}"):
-            for rows, picture in zip(parts, recording.pictures([int(part[0]) for part in parts]), strict=True):
-                numbers[name := recording.name] += 1
+        begins, name = [int(part[0]) for part in parts], recording.name
+        with _readable(f"a picture of {name}"):
+            for rows, picture, end in zip(parts, recording.pictures(begins), [*begins[1:], np.inf], strict=True):
+                numbers[name] += 1
                 base = f"{name}-{numbers[name]:02d}" if totals[name] > 1 else name
-                labels = {"scene": re.sub(r"[^\w.-]+", "-", normal(base)).strip("-."), "user": user} | recording.labels
-                numbers[labels["scene"], labels["user"]] += 1
-                labels = {"demo": str(numbers[labels["scene"], labels["user"]]), "valid": ""} | labels
-                if picture is None:
-                    bare.add(labels["scene"])
-                else:
+                tidy = re.sub(r"[^\w.-]+", "-", files.normal(base)).strip("-.")
+                labels = {"scene": tidy, "user": user} | recording.labels
+                scene = labels["scene"]
+                numbers[scene, labels["user"]] += 1
+                heard = [word for after, word in recording.words if rows[0] < after <= end]
+                word = listed.get(scene, heard[-1] if heard else "")
+                if word.lower() not in VALID:
+                    expected = ", ".join(filter(None, VALID))
+                    raise InputError(f"the label of {scene} is {word!r}: expected one of {expected}")
+                labels = {"demo": str(numbers[scene, labels["user"]]), "valid": VALID[word.lower()]} | labels
+                shown.setdefault(scene)
+                if picture is not None:
                     ending = "png" if picture.startswith(PNG_SIGNATURE) else "jpg"
-                    (folder / SCENES / f"{labels['scene']}.{ending}").write_bytes(picture)
+                    (path := folder / SCENES / f"{scene}.{ending}").write_bytes(picture)
+                    shown[scene] = files.has_shape(*image_size(path), size)
                 t, (x, y) = recording.t[rows] - recording.t[rows[0]], places[rows].T
                 tables.append(pd.DataFrame({"t": t.round(3), "x": x.round(4), "y": y.round(4)}).assign(**labels))
-    table = pd.concat(tables)[COLUMNS[DEMONSTRATIONS]]
+    if unknown := listed.keys() - shown.keys():
+        raise InputError(f"--label names {', '.join(sorted(unknown))}: expected some of {', '.join(shown)}; correct it")
+    table = pd.concat(tables)[files.COLUMNS[DEMONSTRATIONS]]
     table.to_csv(folder / DEMONSTRATIONS, index=False, lineterminator="\n")
     (left, near), (right, far) = table[["x", "y"]].min(), table[["x", "y"]].max()
+    bare = [scene for scene, fits in shown.items() if fits is None]
     unlabelled = len(table[table["valid"] == ""].drop_duplicates(KEY))
     notes = {
         f"{len(tables)} demonstrations, x from {left:g} to {right:g} m, y from {near:g} to {far:g} m": True,
@@ -165,8 +195,9 @@ def _write(
             min(left, near) < 0 or right > size[0] or far > size[1]
         ),
         f"{len(bare)} scenes have no picture: add {SCENES}/{min(bare, default='')}.jpg, and so on": len(bare) > 0,
-        f"{unlabelled} demonstrations have no label: judge them on the page of `python -m pipeline.own record`": (
-            unlabelled > 0
+        "the pictures show more than the table: mark its corners with the recorder": (
+            settings.corners is None and False in shown.values()
         ),
+        f"{unlabelled} demonstrations have no label: judge them with the recorder": unlabelled > 0,
     }
     return [note for note, holds in notes.items() if holds]

@@ -36,12 +36,19 @@ class Choices(BaseModel):
     time: Literal["s", "ms", "us", "ns"] | None = None
     picture: str | None = None
     gripper: str | None = None
+    label: str | None = None
     closed: Literal["high", "low"] | None = None
     segments: Literal["whole", "gripper", "stops"] | None = None
     unit: Literal["m", "cm", "mm"] | None = None
     y: Literal["up", "down"] | None = None
     origin: tuple[FiniteFloat, FiniteFloat] = (0.0, 0.0)
     turn_deg: FiniteFloat = 0.0
+
+    @property
+    def named(self) -> dict[str, str]:
+        """Return the columns that are chosen, by what they hold."""
+        by_option = {"gripper": self.gripper, "valid": self.label}
+        return {**(self.columns or {}), **{role: name for role, name in by_option.items() if name}}
 
 
 @dataclass(frozen=True)
@@ -52,18 +59,21 @@ class Recording:
     t: Float[Array, " n"]  # [s]
     places: Float[Array, "n 2"]  # in the log's unit
     gripper: Float[Array, " n"] | None = None
+    words: Sequence[tuple[int, str]] = ()  # labels, each after so many samples
     whole: bool = False  # the log says that it is one demonstration
-    labels: dict[str, str] = field(default_factory=dict)  # scene, user, demo, valid, as far as the log has them
+    labels: dict[str, str] = field(default_factory=dict)  # scene, user, demo, as far as the log has them
     pictures: Callable[[Sequence[int]], Iterable[bytes | None]] = lambda rows: repeat(None, len(rows))  # png or jpeg
 
 
 def check_times(recording: Recording) -> None:
-    """Raise InputError where times go back."""
+    """Raise InputError where times go back, or mostly stand still."""
     for i in np.flatnonzero(np.diff(recording.t) < 0)[:1]:
         raise InputError(
             f"{recording.name}: time goes back from {recording.t[i]:.9g} to {recording.t[i + 1]:.9g} s at sample "
             f"{i + 2}: expected times that increase; cut the log there"
         )
+    if len(recording.t) > 1 and np.median(np.diff(recording.t)) == 0:
+        raise InputError(f"{recording.name}: most samples have the time of the one before: choose another by --columns")
 
 
 def guess_unit(recordings: Sequence[Recording]) -> str:

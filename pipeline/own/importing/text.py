@@ -2,12 +2,14 @@
 
 import csv
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from pipeline.own.files import KEY
 from pipeline.own.importing.segments import Choices, Recording
 from pipeline.runtime.errors import InputError
 
@@ -16,16 +18,19 @@ HEADER_LINES = 50  # the header is looked for in so many lines: programs write r
 UNIT = r"[\s_]*[\[(]?(?P<unit>mm|cm|m)?[\])]?"
 X = re.compile(rf"(?:.*[\s._/:-]|.*pos(?:ition)?)?[tp]?(?P<x>x)(?:[\s._-]*(?:pos|coord)\w*)?{UNIT}", re.I)
 NO_PLACE = re.compile(r"orient|rot|quat|vel|twist|ang|force|acc|std|cov", re.I)  # other columns with x and y
-T = re.compile(r"(?:.*[\s._/:%-])?(?:t|time|(?:time)?stamp|sec\w*)[\s_]*[\[(]?(?P<unit>s|ms|us|ns)?[\])]?", re.I)
+T, T_ABROAD = (
+    re.compile(rf"(?:.*[\s._/:%-])?(?:{words})[\s_]*[\[(]?(?P<unit>s|ms|us|ns)?(?:ec\w*)?[\])]?", re.I)
+    for words in (r"t|time|(?:time)?stamp|sec\w*", "zeit|temps|tiempo|tempo")
+)
 TIMES = {"s": (1.0, 0.9), "ms": (1e-3, 900.0), "us": (1e-6, 9e5), "ns": (1e-9, np.inf)}  # seconds; largest usual step
-LABELS = ("scene", "user", "demo", "valid")
+LABELS = (*KEY, "valid")
 LOST = ("", "nan", "null", "none", "-")  # cells, in lower case, where a tracker saw nothing
 
 
 def pair(names: Collection[str]) -> dict[str, str]:
     """Return the columns of x and y by name, {} if there are none; InputError if several may be meant."""
     pairs = []
-    for name in names:
+    for name in dict.fromkeys(names):
         if (match := X.fullmatch(name)) and not NO_PLACE.search(name):
             i = match.start("x")
             other = f"{name[:i]}{'y' if name[i] == 'x' else 'Y'}{name[i + 1 :]}"
@@ -38,7 +43,8 @@ def pair(names: Collection[str]) -> dict[str, str]:
 
 def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[str]]:
     """Return the recordings, the choices with what was found, and remarks; InputError for an unusable file."""
-    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    encoding = "utf-16" if path.read_bytes()[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig"
+    lines = path.read_text(encoding=encoding, errors="replace").splitlines()
     number, delimiter, names, columns = _header(path, lines, choices)
     rows = [(i, row) for i, row in enumerate(_split(lines[number:], delimiter), number + 1) if any(row)][1:]
     for i, row in rows:
@@ -48,24 +54,29 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     table = pd.DataFrame(cells, dtype=str).set_axis([i for i, _ in rows])
     numbers = [role for role in columns if role not in LABELS]
     decimal = choices.decimal or ("," if table[numbers].map(lambda cell: "," in cell).any(axis=None) else ".")
+    if table["t"].str.contains(":").mean() > 0.5:  # dates, or times of day
+        moments = pd.to_datetime(table["t"], format="mixed", errors="coerce", utc=True)
+        seconds = (moments - moments.min()).dt.total_seconds().astype(str)
+        table["t"], choices = seconds.where(moments.notna(), table["t"]), choices.model_copy(update={"time": "s"})
     for role in numbers:
         values = pd.to_numeric(table[role].str.replace(decimal, "."), errors="coerce").astype(float)
         for i in table.index[values.isna() & ~table[role].str.lower().isin(LOST)][:1]:
             cell, sign = f"{columns[role]} is {table[role][i]!r}", f"decimal {decimal!r}"
-            raise InputError(f"{path.name}, row {i}: {cell}: expected a number with {sign}; times are numbers, too")
+            raise InputError(f"{path.name}, row {i}: {cell}: expected a number with {sign}")
         table[role] = values
     kept = table[np.isfinite(table[["t", "x", "y"]].astype(float)).all(axis=1)]
     if kept.empty:
         raise InputError(f"{path.name} has no row with a time and a position below its header")
-    step, named = kept["t"].diff().abs().median(), _unit(T, columns["t"])
+    step, named = kept["t"].diff().abs().median(), _unit(T, columns["t"]) or _unit(T_ABROAD, columns["t"])
     time = choices.time or named or next(unit for unit, (_, most) in TIMES.items() if not step > most)
     unit = choices.unit or _unit(X, columns["x"])
-    keys, recordings = [role for role in LABELS if role in columns], []
+    keys, recordings = [role for role in KEY if role in columns], []
     for values, part in kept.groupby(keys, sort=False) if keys else [((), kept)]:
         labels: dict[str, str] = dict(zip(keys, values, strict=True))
         gripper = part["gripper"].to_numpy() if "gripper" in columns else None
         t, places = (part["t"] - kept["t"].iloc[0]).to_numpy() * TIMES[time][0], part[["x", "y"]].to_numpy()
-        recordings.append(Recording("-".join((path.stem, *values)), t, places, gripper, "demo" in keys, labels))
+        words = [(i, word) for i, word in enumerate(part["valid"], 1) if word] if "valid" in columns else []
+        recordings.append(Recording("-".join((path.stem, *values)), t, places, gripper, words, "demo" in keys, labels))
     found = {"columns": columns, "delimiter": delimiter, "decimal": decimal, "time": time, "unit": unit}
     notes = [f"{len(table) - len(kept)} rows without a position were left out"] if len(kept) < len(table) else []
     return recordings, choices.model_copy(update=found), notes
@@ -84,14 +95,16 @@ def _split(lines: list[str], delimiter: str) -> list[list[str]]:
 
 def _header(path: Path, lines: list[str], choices: Choices) -> tuple[int, str, list[str], dict[str, str]]:
     """Return the header's line, the delimiter, the names, and the columns by role."""
-    chosen = {**(choices.columns or {}), **({"gripper": choices.gripper} if choices.gripper else {})}
+    chosen = choices.named
     for number, line in enumerate(lines[:HEADER_LINES]):
         for delimiter in [choices.delimiter] if choices.delimiter else DELIMITERS:
             names = [name.strip() for row in _split([line.lstrip("#% ")], delimiter) for name in row]
-            times = [("t", name) for name in names if T.fullmatch(name)][:1]
+            times = [("t", name) for pattern in (T, T_ABROAD) for name in names if pattern.fullmatch(name)][:1]
             labels = {name.lower(): name for name in names if name.lower() in LABELS}
             columns = {**labels, **dict(times), **({} if "x" in chosen else pair(names)), **chosen}
             if {"x", "y"} <= columns.keys() and {*columns.values()} <= {*names}:
+                if twice := [name for name in columns.values() if names.count(name) > 1]:
+                    raise InputError(f"{path.name} has two columns {twice[0]!r}: rename one")
                 if "t" not in columns:
                     raise InputError(f"{path.name} has no times among {', '.join(names)}: choose by --columns t=NAME")
                 return number, delimiter, names, columns

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 from numpy import ndarray as Array
 
-from pipeline.own.files import normal
+from pipeline.own.items import Coco
 
 WORKING_PX = 320  # side to which a picture is scaled for a proposal: GrabCut takes .1 s there
 REACH = 0.4  # radius of the search about a click, where nobody dragged to the item's edge, over the longer side
@@ -85,12 +85,10 @@ def to_coco(items: dict[str, list[Item]], files: dict[str, str], sizes: dict[str
 
 def from_coco(text: str) -> dict[str, list[Item]]:
     """Return the items of a COCO file by scene; raise ValueError or KeyError if it is none."""
-    content = json.loads(text)
-    scenes = {image["id"]: normal(image["file_name"].rpartition(".")[0]) for image in content["images"]}
-    kinds = {category["id"]: normal(category["name"]) for category in content["categories"]}
-    items: dict[str, list[Item]] = {scene: [] for scene in scenes.values()}
-    for one in content["annotations"]:
-        for ring in one["segmentation"]:
-            points: Float[Array, "point 2"] = np.reshape(ring, (-1, 2))
-            items[scenes[one["image_id"]]].append(Item(kinds[one["category_id"]], points.tolist()))
+    coco = Coco.model_validate_json(text)
+    items: dict[str, list[Item]] = {scene: [] for scene in coco.scenes.values()}
+    for one in coco.annotations:
+        for ring in one.segmentation:
+            points = np.reshape(ring, (-1, 2)).tolist()
+            items[coco.scenes[one.image_id]].append(Item(coco.kinds[one.category_id], points))
     return items

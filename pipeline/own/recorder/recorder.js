@@ -59,9 +59,10 @@ async function go() {
   await open(overview.scenes.includes(name) ? name : scene?.name ?? firstOpenScene());
 }
 
+const toJudge = () => overview.scenes.find(name => Object.values(overview.counts[name] ?? {}).some(count => count.unjudged));
+
 function firstOpenScene() { // the first to judge, or without a path of this person, so that one goes on where one stopped
-  const toJudge = overview.scenes.find(name => Object.values(overview.counts[name] ?? {}).some(count => count.unjudged));
-  return toJudge ?? overview.scenes.find(name => !overview.counts[name]?.[user]) ?? overview.scenes[0];
+  return toJudge() ?? overview.scenes.find(name => !overview.counts[name]?.[user]) ?? overview.scenes[0];
 }
 
 async function open(name) {
@@ -122,6 +123,8 @@ async function judgeStored(path, valid) {
     await ask("/api/judge", { id: path.id, valid });
     await refresh();
     say(`Stored: path ${path.demo} of ${path.user}, ${valid ? "valid" : "not valid"}.`, "good");
+    const next = toJudge(); // in another scene
+    if (!unjudged().length && next) location.hash = `paths/${encodeURIComponent(next)}`;
     tellUnjudged();
   });
   sending = false;

@@ -1,13 +1,11 @@
 """Store what is recorded in a folder: every change reads, checks and replaces one file, one change at a time."""
 
-import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 from typing import Annotated, Any
 
-import cv2
 import numpy as np
 import pandas as pd
 import yaml
@@ -18,19 +16,17 @@ from pydantic import ConfigDict, Field, FiniteFloat, validate_call
 from pipeline.own import files
 from pipeline.own.demonstrations import MIN_SAMPLES, MIN_SCENES, check_paths
 from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings
-from pipeline.own.frame import rectify, whole
+from pipeline.own.frame import mapped, rectify, to_metres, whole
 from pipeline.own.items import COCO, Told, crosses_itself
+from pipeline.own.pictures import read_picture
 from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
+from pipeline.own.recorder.rows import described, identity, thinned, tidy_name
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
 HEADER = "# Where the table is in the pictures, written by the recorder. docs/own-tables.md says what each line is.\n"
 COLUMNS = files.COLUMNS[DEMONSTRATIONS]
-MIN_STEP_S = 0.008  # between stored samples; some pens report 240 a second
-MAX_NAME = 60  # characters of a person's name
-FORMULA = "=+-@"  # a spreadsheet runs a cell that begins so
 FIELDS = 10  # of the grid over the table, a side
-MIN_DEPTH = 1e-9  # relative to the picture's corner; no point of a table is so near to its horizon
 
 Point = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 Corners = Annotated[list[Point], Field(min_length=4, max_length=4)]
@@ -75,10 +71,10 @@ class Recordings:
         corners, size = self._corners(name, settings), settings.size_m
         if corners is None:
             return {"name": name, "corners": None, "paths": []}
-        matrix = _homography(corners, size)
+        matrix = to_metres(corners, size)
 
         def pixels(metres: Float[Array, "n 2"]) -> list[list[float]]:
-            return np.round(_mapped(np.linalg.inv(matrix), metres), 1).tolist()
+            return np.round(mapped(np.linalg.inv(matrix), metres), 1).tolist()
 
         shares = np.linspace(0, 1, FIELDS + 1)[1:-1]
         upright = [np.array([[x, 0], [x, 1]]) for x in shares]
@@ -88,7 +84,7 @@ class Recordings:
             "corners": corners.tolist(),
             "matrix": matrix.tolist(),
             "grid": [pixels(line * size) for line in [*upright, *(line[:, ::-1] for line in upright)]],
-            "paths": [_described(rows) | {"points": pixels(rows[["x", "y"]].to_numpy(float))} for rows in paths],
+            "paths": [described(rows) | {"points": pixels(rows[["x", "y"]].to_numpy(float))} for rows in paths],
         }
 
     def picture(self, scene: str) -> Path:
@@ -100,7 +96,7 @@ class Recordings:
 
     def picture_size(self, scene: str) -> tuple[int, int]:
         """Return width and height [px] of a scene's picture, upright; InputError if it cannot be read."""
-        height, width, _ = self._read(self.picture(scene), lambda path: files.read_picture(path, path.name).shape)
+        height, width, _ = self._read(self.picture(scene), lambda path: read_picture(path, path.name).shape)
         return width, height
 
     @as_sent
@@ -109,10 +105,13 @@ class Recordings:
 
         samples: t [ms], column and row [px]. Raise InputError if no hand moves so.
         """
-        user = _tidy_name(user)
+        user = tidy_name(user)
         with self._lock:
-            settings, kept = self._settings(), _thinned(np.array(samples))
-            t, metres = (kept[:, 0] - kept[0, 0]) / 1000, self._metres(scene, settings, kept[:, 1:])
+            settings, kept = self._settings(), thinned(np.array(samples))
+            corners, t = self._corners(scene, settings), (kept[:, 0] - kept[0, 0]) / 1000
+            if corners is None:
+                raise InputError(f"the table's corners in scene {scene} are not known: mark them first")
+            metres = mapped(to_metres(corners, settings.size_m), kept[:, 1:])
             stored = [rows for rows in self.recorded() if (rows[KEY[:2]] == [scene, user]).all(axis=None)]
             numbers = [int(rows["demo"].iloc[0]) for rows in stored if rows["demo"].iloc[0].isdecimal()]
             demo, word = str(max(numbers, default=0) + 1), "true" if valid else "false"
@@ -125,18 +124,17 @@ class Recordings:
                 raise InputError(f"not stored: {faults[0].partition(': ')[2]}; draw it again")
             for path in stored:  # the page sends it again if the first answer got lost
                 if path.assign(demo=demo).to_numpy().tolist() == rows.to_numpy().tolist():
-                    return _described(path)
+                    return described(path)
             self._write_paths(self._table(), rows)
-            return _described(rows)
+            return described(rows)
 
     @as_sent
     def judge(self, id: str, valid: bool) -> None:
         """Label a stored path that nobody judged; raise InputError if it is not there as the page saw it."""
         with self._lock:
-            rows = next((rows for rows in self.recorded() if _identity(rows) == id), None)
-            if rows is None or rows["valid"].iloc[0]:
-                raise InputError("this path has been judged or removed already")
-            table = self._table().copy()
+            rows, table = self._path(id), self._table().copy()
+            if rows["valid"].iloc[0]:
+                raise InputError("this path has been judged already")
             table.loc[rows.index, "valid"] = "true" if valid else "false"
             self._write_paths(table)
 
@@ -144,10 +142,7 @@ class Recordings:
     def remove(self, id: str) -> None:
         """Remove a path; raise InputError if it is not there as the page saw it."""
         with self._lock:
-            rows = next((rows for rows in self.recorded() if _identity(rows) == id), None)
-            if rows is None:
-                raise InputError("this path has been removed already")
-            self._write_paths(self._table().drop(rows.index))
+            self._write_paths(self._table().drop(self._path(id).index))
 
     def items(self, scene: str) -> dict[str, Any]:
         """Return the stored items of a scene, and all kinds that are named."""
@@ -159,7 +154,7 @@ class Recordings:
     def propose(self, scene: str, point: Point, edge: Point) -> dict[str, Any]:
         """Return the outline of what is at a point of a scene's picture; edge: where it ends, or the point again."""
         path = self.picture(scene)
-        return {"points": propose(files.read_picture(path, path.name), point, edge)}
+        return {"points": propose(read_picture(path, path.name), point, edge)}
 
     @as_sent
     def place_items(self, scene: str, kinds: list[str], outlines: list[Outlined]) -> None:
@@ -172,7 +167,7 @@ class Recordings:
                 raise InputError("an outline leaves the picture: drag it back")
         with self._lock:
             scenes, items = self._scenes(), self._items()
-            named = [_tidy_name(kind) if kind else "" for kind in kinds]
+            named = [tidy_name(kind) if kind else "" for kind in kinds]
             items[scene] = [Item(kind, points) for kind, points in zip(named, outlines, strict=True)]
             kept = {name: items[name] for name in scenes if name in items}
             sizes = {name: self.picture_size(name) for name in kept}
@@ -187,15 +182,15 @@ class Recordings:
         for name in {*stored, scene}:
             corners, path = self._corners(name, settings), self.picture(name)
             if corners is not None:
-                pictures[name] = rectify(files.read_picture(path, path.name), corners, settings.size_m)
-                matrix = matrices[name] = _homography(corners, settings.size_m / settings.size_m.max())
+                pictures[name] = rectify(read_picture(path, path.name), corners, settings.size_m)
+                matrix = matrices[name] = to_metres(corners, settings.size_m / settings.size_m.max())
                 items = stored.get(name, [])
-                told[name] = [Told(item.kind, [_mapped(matrix, np.array(item.points))]) for item in items]
+                told[name] = [Told(item.kind, [mapped(matrix, np.array(item.points))]) for item in items]
         if scene not in pictures:
             return {"found": []}
         back = np.linalg.inv(matrices[scene])
         found = suggest(pictures, told, scene)
-        return {"found": [{"kind": kind, "points": np.round(_mapped(back, ring), 1).tolist()} for kind, ring in found]}
+        return {"found": [{"kind": kind, "points": np.round(mapped(back, ring), 1).tolist()} for kind, ring in found]}
 
     @as_sent
     def place_table(self, scene: str, everywhere: bool, corners: Corners | None, size_m: Point) -> None:
@@ -225,6 +220,13 @@ class Recordings:
     def recorded(self) -> list[pd.DataFrame]:
         """Return the rows of each path (the same scene, user and demo) in their order."""
         return [rows for _, rows in self._table()[COLUMNS].groupby(KEY, sort=False)]
+
+    def _path(self, id: str) -> pd.DataFrame:
+        """Return the rows of a path as the page saw it; raise InputError if it is not there."""
+        rows = next((rows for rows in self.recorded() if identity(rows) == id), None)
+        if rows is None:
+            raise InputError("this path has been judged or removed already")
+        return rows
 
     def _scenes(self) -> dict[str, Path]:
         scenes = files.scene_files(self.folder, faults := Faults())
@@ -282,61 +284,11 @@ class Recordings:
         fits = settings.rectified and files.has_shape(*size, settings.size_m)
         return whole(*size) if corners is None and fits else corners
 
-    def _metres(self, scene: str, settings: Settings, points: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
-        """Return pixels of a scene's picture as metres on the table."""
-        corners = self._corners(scene, settings)
-        if corners is None:
-            raise InputError(f"the table's corners in scene {scene} are not known: mark them first")
-        return _mapped(_homography(corners, settings.size_m), points)
-
 
 def write_durably(path: Path, text: str) -> None:
     """Replace a file atomically, and return only once it would survive a power cut."""
     atomic_write(path, lambda part: (part.write_text(text, encoding="utf-8"), _sync(part)))
     _sync(path.parent)
-
-
-def _tidy_name(name: str) -> str:
-    """Return a name without needless spaces; raise InputError for one that a csv file should not hold."""
-    name = files.normal(name)
-    if not 1 <= len(name) <= MAX_NAME:
-        raise InputError(f"the person’s name has {len(name)} characters: expected 1 to {MAX_NAME}")
-    if name[0] in FORMULA or not files.is_printable(name):
-        raise InputError(
-            f"the person’s name {name!r} would be a formula in a spreadsheet, or cannot be printed: change it"
-        )
-    return name
-
-
-def _homography(corners: Float[Array, "4 2"], size_m: Float[Array, "2"]) -> Float[Array, "3 3"]:
-    """Return the matrix from a picture's pixels to metres on the table, whose near left corner is (0, 0)."""
-    table = size_m * np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
-    matrix = cv2.getPerspectiveTransform(corners.astype(np.float32), table.astype(np.float32))
-    depth = corners.mean(axis=0) @ matrix[2, :2] + matrix[2, 2]
-    return matrix * np.sign(depth)  # depths are positive on this side of the table's horizon
-
-
-def _mapped(matrix: Float[Array, "3 3"], points: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
-    """Return points under a homography; raise InputError for points at or beyond the table's horizon."""
-    if (points @ matrix[2, :2] + matrix[2, 2] <= MIN_DEPTH).any():
-        raise InputError("a point lies above the horizon of the table: draw on the table")
-    return cv2.perspectiveTransform(points[:, None].astype(np.float64), matrix)[:, 0]
-
-
-def _described(rows: pd.DataFrame) -> dict[str, Any]:
-    user, demo, word = rows[["user", "demo", "valid"]].iloc[0]
-    return {"id": _identity(rows), "user": user, "demo": demo, "valid": word.lower() == "true" if word else None}
-
-
-def _identity(rows: pd.DataFrame) -> str:
-    """Return a name that changes with the content of these rows, so that nobody removes what they have not seen."""
-    return hashlib.sha256(repr(rows.to_numpy().tolist()).encode()).hexdigest()[:16]
-
-
-def _thinned(samples: Float[Array, "n 3"]) -> Float[Array, "kept 3"]:
-    """Return the first sample in each MIN_STEP_S, and the path's end."""
-    _, kept = np.unique((samples[:, 0] - samples[0, 0]) // (1000 * MIN_STEP_S), return_index=True)
-    return samples[[*kept[:-1], len(samples) - 1]]
 
 
 def _sync(path: Path) -> None:

@@ -160,6 +160,14 @@ DIALECTS = {  # header, delimiter, decimal sign, and t, x, y as written
     ),
     "motion capture": ("# tracker 7\n\nframe\ttime_s\tTX\tTY", "\t", ".", lambda t, x, y: (0, t, x * 1e3, y * 1e3)),
     "spaces": ("stamp  pos_x  pos_y", " ", ".", lambda t, x, y: (t * 1e6, x, y)),
+    "motion capture with a take": ("Take Name,a\n\nFrame,Time (Seconds),X,Y", ",", ".", lambda t, x, y: (0, t, x, y)),
+    "dates": (
+        "timestamp;X [mm];Y [mm]",
+        ";",
+        ",",
+        lambda t, x, y: (f"2026-11-28T09:00:{t:09.6f}Z", x * 1e3, y * 1e3),
+    ),
+    "French": ("temps;x;y", ";", ",", lambda t, x, y: (t, x, y)),
     "quoted": ('"time","x_mm","y_mm"', ",", ",", lambda t, x, y: (t, x * 1e3, y * 1e3)),
 }
 

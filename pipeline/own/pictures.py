@@ -1,0 +1,80 @@
+"""Read pictures that people took, safely: what is damaged or huge is refused by a sentence."""
+
+import os
+import re
+from pathlib import Path
+from tempfile import TemporaryFile
+from threading import Lock
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray as Array
+
+from pipeline.runtime.errors import InputError
+from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
+from pipeline.world.images import image_size
+
+MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
+DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
+_one_decoder = Lock()  # as it takes descriptor 2
+
+
+def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
+    """Return a photograph as RGB, turned upright as its EXIF data says.
+
+    Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or damaged.
+    """
+    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH))
+    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+
+
+def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
+    """Return a cut-out as RGBA with straight alpha.
+
+    Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
+    """
+    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_UNCHANGED))
+    if pixels.ndim != 3 or pixels.shape[2] != 4:
+        raise InputError(f"{name} has no transparent background: expected an RGBA png; cut the object out")
+    if (highest := pixels[..., 3].max()) <= MIN_VISIBLE_ALPHA:
+        raise InputError(f"{name} has an alpha of at most {highest} of 255: expected 255 where the object is")
+    if pixels[..., 3].min() == 255:
+        raise InputError(f"{name} is opaque everywhere: expected an object on a transparent background")
+    return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA)
+
+
+def decoded(path: Path, name: str, flag: int) -> Array:
+    """Return the pixels as OpenCV gives them; their number is checked before they are decoded.
+
+    Raise InputError, which calls the file `name`, as `read_picture`.
+    """
+    try:
+        width, height = image_size(path)
+    except InputError as error:
+        raise InputError(f"{name} cannot be read: expected a whole PNG or JPEG picture; save it again") from error
+    if width * height > MAX_PIXELS:
+        most = f"{MAX_PIXELS // 1_000_000} megapixels"
+        raise InputError(f"{name} has {width} x {height} pixels: expected at most {most}; scale it down")
+    with _one_decoder, TemporaryFile() as said:  # libjpeg and libpng write their warnings to descriptor 2
+        before = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            pixels = cv2.imdecode(np.fromfile(path, np.uint8), flag)
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+        said.seek(0)
+        damage = DAMAGE.search(said.read().decode("ascii", "replace"))
+    if pixels is None or damage:
+        why = f" ({damage[0]})" if damage else ""
+        raise InputError(f"{name} is truncated or damaged{why}: expected a whole PNG or JPEG picture; copy it again")
+    return pixels
+
+
+def _eight_bits(pixels: Array) -> Array:
+    """Return pixels of 8 or 16 bits a channel with 8."""
+    if pixels.dtype == np.uint8:
+        return pixels
+    full = 4095 if pixels.max() <= 4095 else 65535  # of 16 bits, nothing would be brighter than 6 %
+    return np.rint(pixels * (255 / full)).astype(np.uint8)

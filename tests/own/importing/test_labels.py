@@ -1,0 +1,79 @@
+"""Labels come along with a log, and so do bags that another program than rosbags wrote."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from tests.own.importing import bags
+from tests.own.importing.test_import import assert_is_hand, hand, imported, write_csv
+
+
+def accepted(word: Callable[[bool], Any]) -> list[bags.Entry]:
+    """A hand that moves twice, and a label after each movement: yes, no."""
+    entries = [(t, "/hand", bags.posed(t, x, y)) for t, x, y in hand()]
+    return [*entries, *((t, "/accepted", word(t < 9)) for t in (4.5, 11.5))]
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        lambda yes: bags.make("std_msgs/Bool", yes),
+        lambda yes: bags.make("std_msgs/String", "good" if yes else "bad"),
+        lambda yes: bags.make("std_msgs/Int8", int(yes)),
+    ],
+)
+def test_labels_come_from_a_topic_after_each_movement(tmp_path: Path, word: Callable[[bool], Any]):
+    demos, folder = imported(bags.write(tmp_path / "bag", accepted(word)), "--label", "/accepted", "--size", "1.2,.8")
+    assert demos.groupby("scene")["valid"].unique().map(list).to_dict() == {"bag-01": ["true"], "bag-02": ["false"]}
+    assert yaml.safe_load((folder / "table.yaml").read_text())["size_m"] == [1.2, 0.8]
+
+
+def test_labels_come_from_a_csv_file_or_a_column(tmp_path: Path):
+    (tmp_path / "labels.csv").write_text("scene,valid\nlog-02,yes\n")
+    log = write_csv(tmp_path / "log.csv", "plain")
+    demos, _ = imported(log, "--label", str(tmp_path / "labels.csv"))
+    assert demos.groupby("scene")["valid"].first().to_dict() == {"log-01": "", "log-02": "true"}
+    lines = log.read_text().splitlines()
+    words = ["fine", *("yes" if float(line.split(",")[0]) < 6 else "no" for line in lines[1:])]
+    (again := tmp_path / "again" / "log.csv").parent.mkdir()
+    again.write_text("\n".join(f"{line},{word}" for line, word in zip(lines, words, strict=True)))
+    demos, _ = imported(again, "--label", "fine")
+    assert demos.groupby("scene")["valid"].first().to_dict() == {"log-01": "true", "log-02": "false"}
+
+
+def test_a_bag_of_another_writer_with_types_of_its_own_is_read(tmp_path: Path):
+    """The package mcap-ros2-support writes text definitions, messages of unknown types, and no metadata.yaml."""
+    writer_of = pytest.importorskip("mcap_ros2.writer").Writer
+    stamp, line = "builtin_interfaces/Time stamp\nstring frame_id", "\n" + "=" * 80 + "\nMSG: "
+    headed = f"{line}std_msgs/Header\n{stamp}{line}builtin_interfaces/Time\nint32 sec\nuint32 nanosec"
+    image = "std_msgs/Header header\nstring format\nuint8[] data" + headed
+    kinds = {"sensor_msgs/msg/CompressedImage": image, "lab_msgs/msg/Grip": "string<=9 name\nfloat32[3] force"}
+    point, turn = (f"float64 {' '.join(axes)}".replace(" ", "\nfloat64 ")[8:] for axes in ("xyz", "xyzw"))
+    pose = f"geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation{line}geometry_msgs/Point\n{point}"
+    posed = f"std_msgs/Header header\ngeometry_msgs/Pose pose{headed}{line}geometry_msgs/Pose\n{pose}"
+    kinds["geometry_msgs/msg/PoseStamped"] = f"{posed}{line}geometry_msgs/Quaternion\n{turn}"
+    jpeg = cv2.imencode(".jpg", np.full((8, 8, 3), 99, np.uint8))[1].tobytes()
+    with (tmp_path / "log.mcap").open("wb") as file:
+        writer = writer_of(file)
+        schemas = {name: writer.register_msgdef(name, text) for name, text in kinds.items()}
+        for t, x, y in hand():
+            when = bags.START_NS + round(t * 1e9)
+            head = {"stamp": dict(zip(("sec", "nanosec"), divmod(when, 10**9), strict=True)), "frame_id": "table"}
+            place = {"position": {"x": x, "y": y, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+            sent = {
+                "geometry_msgs/msg/PoseStamped": {"header": head, "pose": place},
+                "lab_msgs/msg/Grip": {"name": "left", "force": [0.0] * 3},
+                "sensor_msgs/msg/CompressedImage": {"header": head, "format": "bgr8; jpeg compressed", "data": jpeg},
+            }
+            for name, message in sent.items():
+                topic = name.rpartition("/")[2].lower()
+                writer.write_message(topic, schemas[name], message, log_time=when, publish_time=when)
+        writer.finish()
+    demos, folder = imported(tmp_path / "log.mcap")
+    assert_is_hand(demos)
+    assert [path.name for path in sorted((folder / "scenes").iterdir())] == ["log-01.jpg", "log-02.jpg"]
