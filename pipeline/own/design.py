@@ -6,7 +6,6 @@ tables and paths, the next one has the largest expected information on the rule 
 probability LAPSES, whatever the rule, so that is the one of which the rules, by weight, are closest to half and half.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,25 +42,22 @@ class Rules:
 
     @classmethod
     def of(
-        cls, variant: Float[Array, " variant"], margin: Float[Array, "variant kind margin"], rng: np.random.Generator
+        cls, variant: Float[Array, " variant"], margin: Float[Array, "kind margin"], rng: np.random.Generator
     ) -> "Rules":
-        """Return rules with a prior: P(variant), and P(margin of MARGINS_M) by variant and kind, independent."""
-        kinds = margin.shape[1]
-        if len(variant) * len(MARGINS_M) ** kinds <= MOST_RULES:
-            sizes = len(variant), *[len(MARGINS_M)] * kinds
-            which, *index = np.indices(sizes).reshape(1 + kinds, -1)
-            weight = variant[which] * np.prod([margin[which, k, index[k]] for k in range(kinds)], axis=0)
+        """Return rules with a prior: P(variant), and P(margin of MARGINS_M) by kind, independent."""
+        sizes = len(variant), *[len(MARGINS_M)] * len(margin)
+        if np.prod(sizes, dtype=float) <= MOST_RULES:
+            which, *index = np.indices(sizes).reshape(len(sizes), -1)
+            weight = variant[which] * np.prod([p[i] for p, i in zip(margin, index, strict=True)], axis=0)
         else:
-            which = rng.choice(len(variant), MOST_RULES, p=variant / variant.sum())
-            upto = margin[which].cumsum(-1)  # (rule, kind, margin)
-            index = (rng.random((MOST_RULES, kinds, 1)) * upto[..., -1:] > upto).sum(-1).T
+            which, *index = (rng.choice(len(p), MOST_RULES, p=p / p.sum()) for p in (variant, *margin))
             weight = np.ones(MOST_RULES)
         return cls(which, np.stack(index, -1), weight / weight.sum())
 
     @classmethod
     def unknown(cls, kinds: int, rng: np.random.Generator) -> "Rules":
         """Return rules of which nothing is known: families, and their variants and margins, are equally likely."""
-        return cls.of(_by_family({}), np.full((len(VARIANTS), kinds, len(MARGINS_M)), 1 / len(MARGINS_M)), rng)
+        return cls.of(by_family({}), np.full((kinds, len(MARGINS_M)), 1 / len(MARGINS_M)), rng)
 
     def accept(self, questions: Question) -> Bool[Array, "question rule"]:
         """Return which rules accept each path."""
@@ -86,9 +82,9 @@ class Rules:
         return np.bincount(self.variant, self.weight, len(VARIANTS)), np.array(margins)
 
 
-def clear(questions: Question) -> Bool[Array, "*question variant kind margin"]:
-    """Return whether paths keep each of MARGINS_M; margin 0 is kept by all."""
-    return questions[..., None] >= np.where(MARGINS_M > 0, MARGINS_M, -np.inf)
+def clear(clearance: Float[Array, "*c"]) -> Bool[Array, "*c margin"]:
+    """Return whether paths with a clearance [m] keep each of MARGINS_M; 0 is kept by all."""
+    return clearance[..., None] >= np.where(MARGINS_M > 0, MARGINS_M, -np.inf)
 
 
 def question(
@@ -121,30 +117,21 @@ def evenly(path: Float[Array, "_ 2"], points: int) -> Float[Array, "point 2"]:
     return np.stack([np.interp(places, along, column) for column in path.T], axis=-1)
 
 
-def from_models(
-    families: dict[str, float], questions: Question, kind: Sequence[int], accepted: dict[str, Array]
-) -> tuple[Float[Array, " variant"], Float[Array, "variant kind margin"]]:
-    """Return the prior that fitted models give: P(variant), and P(margin) by variant and kind.
-
-    families: posterior probability of each; kind: the one item's, by question; accepted: bool (question, member) by
-    family. A member counts for the margin with the fewest wrong answers about the kind. Half of the prior is that of
-    `Rules.unknown`, so that few demonstrations rule nothing out.
-    """
-    margins = np.full((len(VARIANTS), questions.shape[-1], len(MARGINS_M)), 1.0)
-    for v, family in enumerate(VARIANTS.values()):
-        for k in range(questions.shape[-1]) if family in accepted else ():
-            asked = np.asarray(kind) == k
-            wrong = (clear(questions)[asked, v, k][:, None] != accepted[family][asked][..., None]).sum(
-                0
-            )  # (member, margin)
-            counts = np.bincount(wrong.argmin(-1), minlength=len(MARGINS_M))
-            margins[v, k] += len(MARGINS_M) * counts / counts.sum()
-    return _by_family(families), margins / margins.sum(-1, keepdims=True)
-
-
-def _by_family(posterior: dict[str, float]) -> Float[Array, " variant"]:
+def by_family(posterior: dict[str, float]) -> Float[Array, " variant"]:
     """Return P(variant), split evenly in each family; half of it, or all without a posterior, even over families."""
     names = list(VARIANTS.values())
     even, total = 1 / len(set(names)), sum(posterior.values())
     shares = [(even + posterior.get(name, 0.0) / total) / 2 if total else even for name in names]
     return np.array([share / names.count(name) for share, name in zip(shares, names, strict=True)])
+
+
+def of_members(
+    clearance: Float[Array, " question"], accepted: Bool[Array, "question member"]
+) -> Float[Array, " margin"]:
+    """Return P(margin) of a kind: the share of a model's members whose answers it explains best, half of it even.
+
+    clearance: of paths from an item of the kind [m]. The even half is there because demonstrations are few.
+    """
+    wrong = (clear(clearance)[:, None] != accepted[..., None]).sum(0)  # (member, margin)
+    counts = np.bincount(wrong.argmin(-1), minlength=len(MARGINS_M))
+    return (counts / counts.sum() + 1 / len(MARGINS_M)) / 2

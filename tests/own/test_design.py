@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng as rng
 
-from pipeline.own.design import LAPSES, MARGINS_M, MOST_RULES, VARIANTS, Rules, evenly, from_models, question
+from pipeline.own.design import LAPSES, MARGINS_M, MOST_RULES, VARIANTS, Rules, by_family, evenly, of_members, question
 
 UPWARDS = evenly(np.array([[0.5, 0.1], [0.5, 0.9]]), 81)
 
@@ -68,10 +68,9 @@ def test_many_kinds_are_drawn_from_the_prior():
     assert variant[0] == pytest.approx(1 / 5, abs=0.02)
 
 
-def test_models_that_keep_three_centimetres_make_that_margin_likely_and_none_impossible():
+def test_members_that_keep_three_centimetres_make_that_margin_likely_and_none_impossible():
     clearances = np.linspace(0.002, 0.09, 40)
-    asked = np.broadcast_to(clearances[:, None, None], (40, len(VARIANTS), 1))
-    accepted = {"margin": np.repeat(clearances[:, None] >= 0.03, 5, 1)}
-    variant, margin = from_models({"margin": 1.0}, asked, [0] * 40, accepted)
-    assert margin[0, 0].argmax() == 3 and margin.min() > 0.05 and margin[1, 0].max() == pytest.approx(1 / 7)
-    assert variant[0] == pytest.approx(0.6) and variant.min() > 0
+    margin = of_members(clearances, np.repeat(clearances[:, None] >= 0.03, 5, 1))
+    assert margin.argmax() == 3 and margin.min() == pytest.approx(1 / 14) and margin.sum() == pytest.approx(1)
+    variant = by_family({"margin": 1.0})
+    assert variant[0] == pytest.approx(0.6) and variant.min() > 0 and variant.sum() == pytest.approx(1)

@@ -5,7 +5,7 @@ import { ask } from "/static/talk.js";
 const $ = id => document.getElementById(id);
 const board = new Board($("picture"), $("canvas"));
 let user = "";
-let next = null; // what the server shows: {trial, points, picture, answered, left_s, apart, note, photograph, taken, known}
+let next = null; // what the server shows: {trial, points, picture, answered, left_s, apart, note, wanted, taken, known}
 let since = 0; // when its picture was shown
 let sending = false;
 
@@ -22,10 +22,10 @@ async function show(told) {
   $("trial").hidden = false;
   $("undo").disabled = !told.answered;
   $("count").textContent = `${told.answered} judged, about ${Math.ceil(told.left_s / 60)} minutes left`;
-  for (const id of ["valid", "invalid"]) $(id).disabled = told.trial === null || told.photograph;
+  for (const id of ["valid", "invalid"]) $(id).disabled = told.trial === null || Boolean(told.wanted);
   $("note").textContent = told.note ?? "";
   $("note").hidden = !told.note;
-  $("photograph").hidden = !told.photograph;
+  $("photograph").hidden = !told.wanted;
   $("file").value = "";
   $("known").replaceChildren(...(told.known ?? []).map(line => Object.assign(document.createElement("li"), { textContent: line })));
   if (told.trial === null) {
@@ -43,11 +43,11 @@ async function show(told) {
   busy(false);
 }
 
-async function send(path, body) { // shows what is due, also after an answer from another window
+async function send(path, values) { // shows what is due, also after an answer from another window
   if (sending || !next) return;
   sending = true;
   try {
-    await show(await ask(path, body));
+    await show(await ask(path, { user, ...values }));
   } catch (error) {
     say(error.message, "bad");
     await ask("/api/begin", { user }).then(show).catch(() => {});
@@ -56,9 +56,9 @@ async function send(path, body) { // shows what is due, also after an answer fro
 }
 
 function answer(valid) {
-  if (!next || next.trial === null || next.photograph) return;
+  if (!next || next.trial === null || next.wanted) return;
   if ($("message").textContent) say("");
-  send("/api/answer", { user, trial: next.trial, valid, response_ms: performance.now() - since });
+  send("/api/answer", { trial: next.trial, valid, response_ms: performance.now() - since });
 }
 
 async function begin(name) {
@@ -79,10 +79,14 @@ async function begin(name) {
 board.layers = [(context, unit) => { if (next?.points) stroke(context, unit, next.points, "#f0e442"); }];
 $("valid").addEventListener("click", () => answer(true));
 $("invalid").addEventListener("click", () => answer(false));
-$("undo").addEventListener("click", () => send("/api/undo", { user }));
-$("file").addEventListener("change", event => event.target.files.length && send(next.photograph, event.target.files[0]));
+$("undo").addEventListener("click", () => send("/api/undo", {}));
+$("file").addEventListener("change", event => {
+  const reader = new FileReader();
+  reader.onload = () => send("/api/photograph", { trial: next.trial, picture: reader.result });
+  if (event.target.files.length) reader.readAsDataURL(event.target.files[0]);
+});
 document.addEventListener("keydown", event => {
-  const keys = { v: () => answer(true), n: () => answer(false), u: () => $("undo").disabled || send("/api/undo", { user }) };
+  const keys = { v: () => answer(true), n: () => answer(false), u: () => $("undo").disabled || send("/api/undo", {}) };
   const action = keys[event.key.toLowerCase()];
   if (!action || event.repeat || event.ctrlKey || event.metaKey || event.altKey || $("trial").hidden) return;
   event.preventDefault();

@@ -144,15 +144,10 @@ class Asking:
 
     def image(self, number: str, trial: int) -> bytes:
         """Return the PNG of a trial; raise InputError if there is none."""
-        user = self.user_of(number, trial)
+        user = next((user for user, file in self.files.items() if file.stem == number), None)
+        if user is None or not 0 <= trial < len(self.kept[user].plan):
+            raise InputError("there is no such trial: reload the page")
         return png(self.drawn(user, next(self.kept[user].plan.iloc[[trial]].itertuples())))
-
-    def user_of(self, number: str, trial: int) -> str:
-        """Return whose trial it is; raise InputError if there is none."""
-        for user, file in self.files.items():
-            if file.stem == number and 0 <= trial < len(self.kept[user].plan):
-                return user
-        raise InputError("there is no such trial: reload the page")
 
     def drawn(self, user: str, row: Any) -> UInt8[Array, "side side 3"]:
         """Return the picture of a row of a user's plan."""

@@ -12,19 +12,18 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.models.clearance.clearance import PATH_SAMPLES, ClearanceModel, passes
-from pipeline.own import kinds
-from pipeline.own.asked import VALID, accepted_paths, footprint, picture, seen_with, sittings
-from pipeline.own.design import LAPSES, VARIANTS, Rules, evenly, from_models, question
+from pipeline.own.asked import VALID, accepted_paths, footprint, picture, seen_with, sittings, with_places
+from pipeline.own.design import LAPSES, MARGINS_M, VARIANTS, Rules, by_family, evenly, of_members, question
 from pipeline.own.fitting import UserData, fit_on
 from pipeline.own.folder import Folder
 from pipeline.own.frame import CANVAS_PX
 from pipeline.own.recorder.asking import Asking, png
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
+from pipeline.runtime.writing import atomic_write
 from pipeline.world.layout import segment_distance
 
-PLACES, FARTHEST_M = 80, 0.1  # of each kind among which the next one is chosen; clearance from the path, at most
-TRIES = 12  # free places tried for each of these
+PLACES, FARTHEST_M = 100, 0.1  # tried for each kind, half of them near; clearance from the path, at most
 LEAST_BITS = 0.05  # of expected information; below it nothing is asked
 POINTS = 120  # along a path
 YELLOW = (240, 228, 66)  # as the page draws paths
@@ -44,33 +43,22 @@ class Designing(Asking):
 
     def prepared(self, user: str) -> dict[str, Any]:
         """Return tables to choose among: a path that the user accepts, and an item at a random free place near it."""
-        seed = f"{self.digest}/{user}"
-        rng, paths, rows = stream("own", "design", seed), accepted_paths(self.folder, user), []
-        path_ends, objects = kinds.ends_of_paths(self.folder), self.folder.seen.objects
-        for name in self.names if paths else ():
-            for i in range(PLACES):
-                cutout = i % len(self.folder.cutouts[name])
-                capsule = kinds.footprint(*self.folder.cutouts[name][cutout])
-                for _ in range(TRIES):
-                    path = sorted(paths)[rng.integers(len(paths))]
-                    scene = self.folder.scenes.index(paths[path]["scene"])
-                    ends = path_ends[paths[path]["scene"]]
-                    place = kinds.free_place(rng, self.folder.frame, objects, scene, capsule, ends)
-                    if place is None:
-                        continue
-                    row = {"scene": scene, "path": path, "condition": name, "cutout": cutout, "angle": place[1]}
-                    row |= {"x": float(place[0][0]), "y": float(place[0][1])}
-                    clearance = float(self.questions([pd.Series(row)], paths).min())
-                    if 0 < clearance <= FARTHEST_M:
-                        rows.append(row | {"clearance_m": clearance})
-                        break
-        if not rows:
+        seed, paths = f"{self.digest}/{user}", accepted_paths(self.folder, user)
+        rng, plan = stream("own", "design", seed), pd.DataFrame()
+        if paths and self.names:
+            number = np.arange(PLACES * len(self.names))
+            plan = pd.DataFrame({"pair": number, "near": number // len(self.names) % 2 == 0, "repeats": -1})
+            plan["condition"] = np.resize(self.names, len(plan))
+            plan["path"] = rng.choice(sorted(paths), len(plan))
+            plan["scene"] = [self.folder.scenes.index(paths[name]["scene"]) for name in plan["path"]]
+            lines = {name: np.array(path["points"]) for name, path in paths.items()}
+            plan, _ = with_places(rng, self.folder, plan, lines)
+            plan = plan[plan["clearance_m"] <= FARTHEST_M]
+        if plan.empty:
             raise InputError(f"there is nothing to ask {user}: add cut-outs, and paths that {user} calls valid")
-        plan = pd.DataFrame(rows)
         trials = json.loads(plan.to_json(orient="records", double_precision=6))
-        shown = {name: paths[name] for name in sorted(set(plan["path"]))}
-        common = {"user": user, "digest": self.digest, "seed": seed, "share_near": {}, "paths": shown}
-        return common | {"lapses": LAPSES, "trials": trials}
+        common = {"user": user, "digest": self.digest, "seed": seed, "share_near": {}}
+        return common | {"lapses": LAPSES, "paths": paths, "trials": trials}
 
     def questions(self, rows: Iterable[Any], paths: dict[str, dict[str, Any]]) -> Float[Array, "row variant kind"]:
         """Return what rows of a plan ask (`design.question`), in metres on the table."""
@@ -88,21 +76,22 @@ class Designing(Asking):
     def start(self, user: str) -> None:
         """Take a user's rules from a model fitted to all demonstrations, and from what `ask` was answered."""
         sitting, data = self.kept[user], UserData.of(user, self.folder)
-        asked = self.questions(sitting.plan.itertuples(), sitting.paths)
+        plan, asked = sitting.plan, self.questions(sitting.plan.itertuples(), sitting.paths)
         model = fit_on(data, np.arange(len(data.scenes)))
         assert isinstance(model, ClearanceModel)
-        *posterior, _ = model.posterior().tolist()
-        accepted = members(self.folder, model, sitting.plan, sitting.paths)
-        kind = [self.names.index(name) for name in sitting.plan["condition"]]
-        prior = from_models(dict(zip(model.families, posterior, strict=True)), asked, kind, accepted)
-        rules = Rules.of(*prior, stream("own", "rules", sitting.digest, user))
+        margins = np.full((len(self.names), len(MARGINS_M)), 1 / len(MARGINS_M))
+        for kind, rows in plan.groupby("condition"):
+            accepted = members(self.folder, model, rows, sitting.paths)
+            margins[self.names.index(str(kind))] = of_members(rows["clearance_m"].to_numpy(float), accepted)
+        families = dict(zip(model.families, model.posterior().tolist(), strict=False))  # the last one is the constant
+        rules = Rules.of(by_family(families), margins, stream("own", "rules", sitting.digest, user))
         for earlier in sittings(self.folder.path).values():
-            if earlier.user == user and earlier.digest == sitting.digest:
-                trials = earlier.trials()
-                trials = trials[trials["condition"].isin(self.names)]
-                for row in trials.itertuples():
-                    (said,) = rules.accept(self.questions([row], earlier.paths))
-                    rules = rules.told(said, bool(row.answer))
+            trials = earlier.trials()
+            trials = trials[trials["condition"].isin(self.names)]
+            if earlier.user == user and earlier.digest == sitting.digest and len(trials):
+                accepted = rules.accept(self.questions(trials.itertuples(), earlier.paths))
+                for said, answer in zip(accepted, trials["answer"], strict=True):
+                    rules = rules.told(said, bool(answer))
         self.before[user], self.accepted[user] = rules, rules.accept(asked)
 
     def rules(self, user: str) -> Rules:
@@ -130,23 +119,20 @@ class Designing(Asking):
         canvas = picture(self.folder, trial).copy()
         points = self.folder.frame.to_model(np.array(self.kept[user].paths[trial.path]["points"]))
         pixels = ((points * [1, -1] + [0, 1]) * CANVAS_PX).round().astype(np.int32)
-        file.write_bytes(png(cv2.polylines(canvas, [pixels], False, YELLOW, 3, cv2.LINE_AA)))
+        drawn = png(cv2.polylines(canvas, [pixels], False, YELLOW, 3, cv2.LINE_AA))
+        atomic_write(file, lambda part: part.write_bytes(drawn))
         return {"note": note}
 
 
 def members(
-    folder: Folder, model: ClearanceModel, plan: pd.DataFrame, paths: dict[str, dict[str, Any]]
-) -> dict[str, Bool[Array, "row member"]]:
-    """Return by family which rows of a plan each member of a model accepts."""
-    accepted = np.empty((len(plan), model.margin.numel()), bool)
-    for kind, rows in plan.groupby("condition"):
-        lines = [folder.frame.to_model(evenly(np.array(paths[name]["points"]), PATH_SAMPLES)) for name in rows["path"]]
-        with torch.no_grad():
-            percept = model.see(seen_with(folder, rows, str(kind)))
-            passing = passes(percept, torch.as_tensor(np.stack(lines)[:, None], dtype=torch.float32))
-            accepted[rows.index] = (model.log_valid(percept, passing)[..., 0].exp() > 0.5).T.numpy()
-    by_family = accepted.reshape(len(plan), len(model.families), -1)
-    return {name: by_family[:, i] for i, name in enumerate(model.families)}
+    folder: Folder, model: ClearanceModel, rows: pd.DataFrame, paths: dict[str, dict[str, Any]]
+) -> Bool[Array, "row member"]:
+    """Return which rows of a plan, all of one kind, each member of a model accepts."""
+    lines = [folder.frame.to_model(evenly(np.array(paths[name]["points"]), PATH_SAMPLES)) for name in rows["path"]]
+    with torch.no_grad():
+        percept = model.see(seen_with(folder, rows, rows["condition"].iloc[0]))
+        passing = passes(percept, torch.as_tensor(np.stack(lines)[:, None], dtype=torch.float32))
+        return (model.log_valid(percept, passing)[..., 0].exp() > 0.5).T.numpy()
 
 
 def sentence(folder: Folder, row: Any) -> str:
@@ -162,8 +148,8 @@ def sentence(folder: Folder, row: Any) -> str:
         told = [kind for kind, _ in folder.seen.told.get(row.scene, [])]
         other = (told[gaps.argmin()] if len(told) == len(present) else "") or "item"
         where += f", {100 * gaps.min():.0f} cm beside the {other}"
-    pair = f"the path passes it at {100 * row.clearance_m:.0f} cm"
-    return f"On {scene}, a {row.condition} {where}; {pair} (draw {row.path.removeprefix(f'{VALID} {scene} ')})."
+    path = f"the path of demonstration {row.path.removeprefix(f'{VALID} {scene} ')}"
+    return f"On {scene}, a {row.condition} {where}; {path} passes it at {100 * row.clearance_m:.0f} cm."
 
 
 def remaining(rules: Rules, names: list[str]) -> list[str]:
@@ -171,6 +157,6 @@ def remaining(rules: Rules, names: list[str]) -> list[str]:
     variant, margins = rules.known()
     lines = [f"Items count {list(VARIANTS)[variant.argmax()]}: {variant.max():.0%} sure."]
     for name, p in zip(names, margins, strict=True):
-        margin = f"keeps {p.argmax()} cm away" if p.argmax() else "does not matter"
+        margin = f"keeps {100 * MARGINS_M[p.argmax()]:.0f} cm away" if p.argmax() else "does not matter"
         lines.append(f"{name}: {margin}, {p.max():.0%} sure.")
     return lines

@@ -1,14 +1,12 @@
 """The command `ask --real`: what was judged with a composited item is judged again with a real one."""
 
+from base64 import b64decode
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
-from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from pipeline.own import files
@@ -17,10 +15,12 @@ from pipeline.own.files import SCENES, Faults
 from pipeline.own.folder import Folder
 from pipeline.own.frame import rectify
 from pipeline.own.recorder.asking import Asking
+from pipeline.own.recorder.serve import posted
+from pipeline.own.recorder.storage import as_sent
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
-MAX_PICTURE_BYTES = 50_000_000
+MAX_PICTURE_BYTES = 70_000_000  # as base64
 
 
 class Placing(Asking):
@@ -33,25 +33,14 @@ class Placing(Asking):
         self.users = [name for name, sitting in self.first.items() if len(real_trials(sitting))]
         if not self.users:
             raise InputError(f"no item was judged yet: python -m pipeline.own ask {folder.path} comes before --real")
-        for name in self.users:
-            plan = self.files[name]
-            self.files[name] = plan.with_name(f"{plan.stem}{REAL}.json")
-            self.kept[name] = Sitting.read(plan, self.files[name].with_suffix(".csv"))
+        plans = {name: self.files[name] for name in self.users}
+        self.files = {name: plan.with_name(f"{plan.stem}{REAL}.json") for name, plan in plans.items()}
+        self.kept = {name: Sitting.read(plan, self.files[name].with_suffix(".csv")) for name, plan in plans.items()}
 
     @property
     def more(self) -> list[Route]:
         """Return the address that takes photographs."""
-
-        async def taken(request: Request) -> Response:
-            body = bytearray()
-            async for chunk in request.stream():
-                body += chunk
-                if len(body) > MAX_PICTURE_BYTES:
-                    raise InputError(f"the picture has more than {MAX_PICTURE_BYTES / 1e6:.0f} MB: send a smaller one")
-            number, trial = request.path_params["number"], request.path_params["trial"]
-            return JSONResponse(await run_in_threadpool(self.take, number, trial, bytes(body)))
-
-        return [Route("/photographs/{number}/{trial:int}", taken, methods=["POST"])]
+        return [posted("photograph", self.take, MAX_PICTURE_BYTES)]
 
     def rows(self, user: str) -> list[int]:
         """Return the trials with a near item that have no second answer, scene by scene: tables are set anew."""
@@ -68,30 +57,30 @@ class Placing(Asking):
         shown = f"Set the table as this picture of {self.folder.scenes[scene]} shows it"
         note = f"{shown}, with a real {kind} where it has one. Photograph it from where the camera of {SCENES}/ stood, "
         note += "and choose that picture."
-        return {"note": note, "photograph": f"/photographs/{self.files[user].stem}/{row}"}
+        return {"note": note, "wanted": True}
 
     def photograph(self, user: str, row: int) -> Path:
         """Return where a photograph lies, or will."""
         return self.files[user].with_suffix("") / f"{row}"
 
-    def take(self, number: str, trial: int, content: bytes) -> dict[str, Any]:
-        """Store a photograph and return its trial; raise InputError if it is none, or not of the scene's size."""
-        user = self.user_of(number, trial)
-        file = self.photograph(user, trial)
-        file.parent.mkdir(exist_ok=True)
-        scene = self.folder.scenes[self.kept[user].plan["scene"].iloc[trial]]
-        original = files.scene_files(self.folder.path, Faults())[scene]
+    @as_sent
+    def take(self, user: str, trial: int, picture: str) -> dict[str, Any]:
+        """Store a photograph, a data URL, and return its trial; raise InputError if it cannot be the table's."""
+        plan = self.sitting(user).plan
+        if not 0 <= trial < len(plan):
+            raise InputError("there is no such trial: reload the page")
+        original = files.scene_files(self.folder.path, Faults())[self.folder.scenes[plan["scene"].iloc[trial]]]
+        rows, columns = files.read_picture(original, original.name).shape[:2]
 
         def store(part: Path) -> None:
-            part.write_bytes(content)
-            pictures = files.read_picture(part, "the photograph"), files.read_picture(original, original.name)
-            (rows, columns), (old_rows, old_columns) = (one.shape[:2] for one in pictures)
-            if (rows, columns) != (old_rows, old_columns):
-                expected = f"expected {old_columns} x {old_rows}, from the same place as {original.name}"
-                raise InputError(f"the photograph has {columns} x {rows} pixels: {expected}")
+            part.write_bytes(b64decode(picture.partition(",")[2]))
+            size = files.read_picture(part, "the photograph").shape[:2]
+            if size != (rows, columns):
+                where = f"expected {columns} x {rows}, from the same place as {original.name}"
+                raise InputError(f"the photograph has {size[1]} x {size[0]} pixels: {where}")
 
         with self.lock:
-            atomic_write(file, store)
+            atomic_write(self.photograph(user, trial), store)
             return self.shown(user)
 
     def drawn(self, user: str, row: Any) -> UInt8[Array, "side side 3"]:

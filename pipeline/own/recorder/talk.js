@@ -1,6 +1,6 @@
-// Talks to the server: sends JSON or a file, returns its answer, and turns every failure into a sentence.
+// Talks to the server: sends JSON, returns its answer, and turns every failure into a sentence.
 export async function ask(path, body) {
-  const options = body === undefined ? {} : { method: "POST", body: body instanceof Blob ? body : JSON.stringify(body) };
+  const options = body === undefined ? {} : { method: "POST", body: JSON.stringify(body) };
   let answer;
   try {
     answer = await fetch(path, options);

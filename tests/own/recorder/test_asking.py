@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from base64 import b64encode
 from pathlib import Path
 
 import cv2
@@ -140,15 +141,19 @@ def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(
     fitted = {"Ana": fitting.fit_user(fitting.UserData.of("Ana", folder), lambda _: None)}
     placing = Placing(folder, "Ana", 10.0)
     told, photograph = placing.begin(user="Ana"), (folder.path / "scenes" / "tea.png").read_bytes()
+
+    def take(picture: bytes) -> dict:
+        return placing.take(user="Ana", trial=told["trial"], picture=f"data:;base64,{b64encode(picture).decode()}")
+
     with pytest.raises(InputError, match="photograph cannot be read"):
-        placing.take("001-real", told["trial"], b"no picture")
+        take(b"no picture")
     small = cv2.imencode(".png", np.zeros((50, 50, 3), np.uint8))[1].tobytes()
     with pytest.raises(InputError, match=r"50 x 50 pixels: expected \d+ x \d+"):
-        placing.take("001-real", told["trial"], small)
+        take(small)
     assert "a real cup" in told["note"] and placing.begin(user="Ana") == told, "nothing was stored"
     composited = placing.image("001-real", told["trial"])
-    shown = placing.take("001-real", told["trial"], photograph)
-    assert shown["trial"] == told["trial"] and "photograph" not in shown
+    shown = take(photograph)
+    assert shown["trial"] == told["trial"] and "wanted" not in shown
     assert placing.image("001-real", told["trial"]) != composited
     placing.answer(user="Ana", trial=told["trial"], valid=False, response_ms=900.0)
     assert Placing(folder, "Ana", 10.0).begin(user="Ana")["answered"] == 1, "after a kill"
@@ -173,7 +178,7 @@ def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(
 
 def test_design_asks_what_separates_the_rules_and_draws_it(folder: Folder, monkeypatch, capsys):
     monkeypatch.setitem(library.TRAINING["clearance"], "steps", 5)
-    monkeypatch.setattr(designing, "PLACES", 12)
+    monkeypatch.setattr(designing, "PLACES", 40)
     asking = Designing(folder, "Ana", 10.0)
     told = asking.begin(user="Ana")
     assert "a cup" in told["note"] and told["note"] in capsys.readouterr().out
