@@ -25,7 +25,7 @@ async function show(told) {
   for (const id of ["valid", "invalid"]) $(id).disabled = told.trial === null || Boolean(told.wanted);
   $("note").textContent = told.note ?? "";
   $("note").hidden = !told.note;
-  $("photograph").hidden = !told.wanted;
+  $("photograph").hidden = !told.wanted && !told.taken;
   $("file").value = "";
   $("known").replaceChildren(...(told.known ?? []).map(line => Object.assign(document.createElement("li"), { textContent: line })));
   if (told.trial === null) {
@@ -35,7 +35,7 @@ async function show(told) {
     say("That is all. Thank you! You may close this page, and end the recorder with Ctrl-C.", "good");
     return;
   }
-  await board.show(told.picture + (told.taken ? "?taken" : ""), "A table with a path");
+  await board.show(told.picture + (told.taken ? `?${told.taken}` : ""), "A table with a path");
   next = told;
   board.redraw();
   since = performance.now();

@@ -83,7 +83,7 @@ class Asking:
         """Store an answer and return the next trial; InputError if another trial is due: another window answered."""
         with self.lock:
             sitting = self.sitting(user)
-            if trial != self.shown(user)["trial"]:
+            if trial != self.next(user)[0]:
                 raise InputError("this was answered in another window: go on with the trial shown now")
             times = [*sitting.response_ms, max(response_ms, 0.0)]
             self.store(user, replace(sitting, answers=sitting.answers | {trial: valid}, response_ms=times))
@@ -130,17 +130,20 @@ class Asking:
 
         Nothing of `Asking` in it tells the condition: points [px] of the path, and the address of a picture.
         """
-        sitting = self.kept[user]
-        spent = sum(min(ms, LONGEST_MS) for ms in sitting.response_ms) / 1000
+        sitting, (row, left) = self.kept[user], self.next(user)
+        told = {"trial": row, "answered": len(sitting.answers), "left_s": round(left), "apart": self.apart}
+        if row is not None:
+            points = self.folder.frame.to_model(np.array(sitting.paths[sitting.plan["path"].iloc[row]]["points"]))
+            told["points"] = ((points * [1, -1] + [0, 1]) * CANVAS_PX).round(1).tolist()
+            told["picture"] = f"/trials/{self.files[user].stem}/{row}"
+        return told | self.beside(user, row)
+
+    def next(self, user: str) -> tuple[int | None, float]:
+        """Return the row that is asked next, if any, and the time that is left [s]."""
+        spent = sum(min(ms, LONGEST_MS) for ms in self.kept[user].response_ms) / 1000
         left = max(0.0, 60 * self.minutes - spent)
         rows = self.rows(user) if left > 0 else []
-        count = len(sitting.answers)
-        told = {"trial": rows[0] if rows else None, "answered": count, "left_s": round(left), "apart": self.apart}
-        if rows:
-            points = self.folder.frame.to_model(np.array(sitting.paths[sitting.plan["path"].iloc[rows[0]]]["points"]))
-            told["points"] = ((points * [1, -1] + [0, 1]) * CANVAS_PX).round(1).tolist()
-            told["picture"] = f"/trials/{self.files[user].stem}/{rows[0]}"
-        return told | self.beside(user, rows[0] if rows else None)
+        return (rows[0] if rows else None), left
 
     def image(self, number: str, trial: int) -> bytes:
         """Return the PNG of a trial; raise InputError if there is none."""

@@ -46,8 +46,8 @@ class Designing(Asking):
         seed, paths = f"{self.digest}/{user}", accepted_paths(self.folder, user)
         rng, plan = stream("own", "design", seed), pd.DataFrame()
         if paths and self.names:
-            number = np.arange(PLACES * len(self.names))
-            plan = pd.DataFrame({"pair": number, "near": number // len(self.names) % 2 == 0, "repeats": -1})
+            number = np.repeat(np.arange(PLACES), len(self.names))  # counts the places of each kind
+            plan = pd.DataFrame({"pair": number, "near": number < PLACES // 2, "repeats": -1})
             plan["condition"] = np.resize(self.names, len(plan))
             plan["path"] = rng.choice(sorted(paths), len(plan))
             plan["scene"] = [self.folder.scenes.index(paths[name]["scene"]) for name in plan["path"]]

@@ -51,8 +51,9 @@ class Placing(Asking):
         """Return what to place and where to send its photograph, until there is one."""
         if row is None:
             return {}
-        if self.photograph(user, row).is_file():
-            return {"note": "This is your photograph. Do you accept the path?", "taken": True}
+        if (file := self.photograph(user, row)).is_file():
+            note = "This is your photograph. Do you accept the path? You may choose another picture."
+            return {"note": note, "taken": str(file.stat().st_mtime_ns)}
         kind, scene = self.kept[user].plan.loc[row, ["condition", "scene"]]
         shown = f"Set the table as this picture of {self.folder.scenes[scene]} shows it"
         note = f"{shown}, with a real {kind} where it has one. Photograph it from where the camera of {SCENES}/ stood, "
@@ -82,6 +83,12 @@ class Placing(Asking):
         with self.lock:
             atomic_write(self.photograph(user, trial), store)
             return self.shown(user)
+
+    def store(self, user: str, sitting: Sitting) -> None:
+        """Store answers as `Asking`; raise InputError for one about a table that was not photographed."""
+        if not all(self.photograph(user, trial).is_file() for trial in sitting.answers):
+            raise InputError("photograph the table first, and choose the picture")
+        super().store(user, sitting)
 
     def drawn(self, user: str, row: Any) -> UInt8[Array, "side side 3"]:
         """Return the rectified photograph of a trial, or the composited table before there is one."""

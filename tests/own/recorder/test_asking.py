@@ -150,6 +150,8 @@ def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(
     small = cv2.imencode(".png", np.zeros((50, 50, 3), np.uint8))[1].tobytes()
     with pytest.raises(InputError, match=r"50 x 50 pixels: expected \d+ x \d+"):
         take(small)
+    with pytest.raises(InputError, match="photograph the table first"):
+        placing.answer(user="Ana", trial=told["trial"], valid=False, response_ms=900.0)
     assert "a real cup" in told["note"] and placing.begin(user="Ana") == told, "nothing was stored"
     composited = placing.image("001-real", told["trial"])
     shown = take(photograph)
