@@ -33,6 +33,7 @@ from pipeline.world.rules import line_clearance
 
 ASKED, ANSWERS = "asked", ["trial", "valid", "response_ms"]  # folder; columns of a sitting's csv
 WORDS = {"true": True, "false": False}  # a spreadsheet may write others
+REAL = "-real"  # behind the number of a sitting: answers to its trials about real items, and their photographs
 POINTS = 60  # of a path that is shown
 STICKER_M, STICKER_PX, STICKER_RGBA = 0.07, 96, (236, 214, 96, 255)  # a flat round sticker: diameter, and picture
 QUARTERS = 4  # of NEAR_M over which near places are spread evenly
@@ -65,11 +66,11 @@ class Sitting:
     response_ms: list[float]
 
     @classmethod
-    def read(cls, path: Path) -> "Sitting":
-        """Return the sitting of a json file and the csv beside it. Raise InputError if they are no sitting."""
+    def read(cls, path: Path, rows: Path | None = None) -> "Sitting":
+        """Return the sitting of a json file and a csv, the one beside it. Raise InputError if they are no sitting."""
+        rows = rows or path.with_suffix(".csv")
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            rows = path.with_suffix(".csv")
             table = pd.read_csv(rows) if rows.is_file() else pd.DataFrame(columns=ANSWERS)
             plan = pd.DataFrame(content["trials"])
             valid = [WORDS[str(word).lower()] for word in table["valid"]]
@@ -85,6 +86,13 @@ class Sitting:
         return answered(self.plan, self.answers)
 
 
+def real_trials(sitting: Sitting) -> pd.DataFrame:
+    """Return the answered trials with an item near the path, which `ask --real` asks again; no repeats."""
+    trials = sitting.trials()
+    kinds_only = ~trials["condition"].isin([UNCHANGED, STICKER, EXTRA])
+    return trials[kinds_only & trials["near"].astype(bool) & (trials["repeats"] < 0)]
+
+
 def digest(path: Path) -> str:
     """Return a digest of what trials are made of: pictures, corners and cut-outs."""
     used = [
@@ -97,9 +105,9 @@ def digest(path: Path) -> str:
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
 
-def sittings(path: Path) -> dict[Path, Sitting]:
-    """Return all sittings of a folder by file, in the order of their numbers."""
-    return {file: Sitting.read(file) for file in sorted((path / ASKED).glob("[0-9][0-9][0-9].json"))}
+def sittings(path: Path, suffix: str = "") -> dict[Path, Sitting]:
+    """Return all sittings of a folder by file, in the order of their numbers; suffix: of the files' stems."""
+    return {file: Sitting.read(file) for file in sorted((path / ASKED).glob(f"[0-9][0-9][0-9]{suffix}.json"))}
 
 
 def prepare(folder: Folder, user: str, seed: str) -> dict[str, Any]:
@@ -273,9 +281,7 @@ def model_answers(folder: Folder, fitted: Fitted, sitting: Sitting, plan: pd.Dat
     for condition, rows in plan.assign(position=range(len(plan))).groupby("condition"):
         seen: Objects = folder.seen.objects[rows["scene"].tolist()]
         if condition not in (UNCHANGED, EXTRA):
-            images = [folder.frame.image(picture(folder, row)) for row in rows.itertuples()]
-            rings = [_ring(folder, row) for row in rows.itertuples()]
-            seen = folder.seen.with_items(rows["scene"].tolist(), images, rings, str(condition))
+            seen = seen_with(folder, rows, str(condition))
         for i, (row, scene) in enumerate(zip(rows["position"], rows["scene"], strict=True)):
             name = folder.scenes[scene]
             known = name in fitted.data.scenes
@@ -284,28 +290,38 @@ def model_answers(folder: Folder, fitted: Fitted, sitting: Sitting, plan: pd.Dat
     return p
 
 
-def _ring(folder: Folder, row: Any) -> Path2:
-    """Return the outline [m of the model] of a row's added item."""
+def seen_with(folder: Folder, rows: pd.DataFrame, condition: str) -> Objects:
+    """Return what models see in rows of a plan with the item of one condition."""
+    images = [folder.frame.image(picture(folder, row)) for row in rows.itertuples()]
+    rings = [outline(*footprint(folder, row)) for row in rows.itertuples()]
+    return folder.seen.with_items(rows["scene"].tolist(), images, rings, condition)
+
+
+def footprint(folder: Folder, row: Any) -> tuple[Float[Array, "2 2"], np.float64]:
+    """Return the ends and the radius [m of the model] of a row's added item."""
     capsule = kinds.footprint(*cutout_of(folder, row))
     ends = kinds.ends_of(folder.frame, capsule, np.array([row.x, row.y]), row.angle)
-    return outline(ends, np.float64(folder.frame.scale * capsule.radius))
+    return ends, np.float64(folder.frame.scale * capsule.radius)
 
 
 def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFrame]:
     """Return what people answered beside what their models say, for sittings about the folder as it is; {} for none.
 
-    asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in the same pairs;
+    asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in the same pairs, and
+    varied, whether the person gave both answers;
     asked_compared: effect, low and high by kind, of `You` and `Your model`; asked_average, asked_distances and
-    asked_agreement: as `experiment` gives them; asked_repairs: the share accepted by role of the path. All by user.
+    asked_agreement: as `experiment` gives them; asked_repairs: the share accepted by role of the path; asked_real: the
+    share of composited items by kind that got the same answer as the real one. All by user.
     """
     now, parts = digest(folder.path), dict[str, list[pd.DataFrame]]()
-    for sitting in sittings(folder.path).values():
+    for file, sitting in sittings(folder.path).items():
         if sitting.digest != now or not sitting.answers or sitting.user not in fitted:
             continue
         trials = sitting.trials()
         p = model_answers(folder, fitted[sitting.user], sitting, trials)
         effects = experiment.local_verdicts(sitting.plan, sitting.answers)
         effects["model_effect"] = [_model_effect(trials.assign(p=p), kind) for kind in effects["kind"]]
+        effects["varied"] = len(set(sitting.answers.values())) > 1
         ends = effects["effect"], effects["ci_low"], effects["ci_high"]
         both = {"You": ends, "Your model": (effects["model_effect"],) * 3}
         compared = [
@@ -322,6 +338,12 @@ def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFra
             "agreement": experiment.agreement(trials, p > DECISION),
             "repairs": experiment.accepted_shares(roles, ["role"]),
         }
+        second = Sitting.read(file, file.with_name(f"{file.stem}{REAL}.csv")).answers
+        composited = real_trials(sitting)
+        again = composited[composited.index.isin(list(second))]
+        if len(again):
+            same = again.assign(kind=again["condition"], answer=again["answer"] == [second[i] for i in again.index])
+            made["real"] = experiment.accepted_shares(same, ["kind"])
         for name, table in made.items():
             parts.setdefault(f"asked_{name}", []).append(table.assign(user=sitting.user))
     return {name: pd.concat(several, ignore_index=True) for name, several in parts.items()}

@@ -107,12 +107,13 @@ def free_place(
     reach = np.linalg.norm(capsule.half) + capsule.radius
     for _ in range(TRIES):
         middle, angle = rng.uniform(0, 1, 2) * frame.size_m, rng.uniform(-np.pi, np.pi)  # of the object
+        if (middle <= reach).any() or (middle >= np.array(frame.size_m) - reach).any():
+            continue  # not on the table
         centre = middle - rotation(angle) @ capsule.centre
         ends = ends_of(frame, capsule, centre, angle)
-        on_table = (middle > reach).all() and (middle < np.array(frame.size_m) - reach).all()
         from_ends = point_segment_distance(path_ends, *ends).min(initial=np.inf) - wide
         gaps = segment_distance(ends, others) - wide - radii
-        if on_table and from_ends >= CLEAR_OF_ENDS_M and (gaps >= CLEAR_OF_ITEMS_M).all():
+        if from_ends >= CLEAR_OF_ENDS_M and (gaps >= CLEAR_OF_ITEMS_M).all():
             return centre, float(angle)
     return None
 

@@ -5,7 +5,7 @@ import { ask } from "/static/talk.js";
 const $ = id => document.getElementById(id);
 const board = new Board($("picture"), $("canvas"));
 let user = "";
-let next = null; // what the server shows: {trial, points, picture, answered, left_s, apart}
+let next = null; // what the server shows: {trial, points, picture, answered, left_s, apart, note, wanted, taken, known}
 let since = 0; // when its picture was shown
 let sending = false;
 
@@ -22,7 +22,12 @@ async function show(told) {
   $("trial").hidden = false;
   $("undo").disabled = !told.answered;
   $("count").textContent = `${told.answered} judged, about ${Math.ceil(told.left_s / 60)} minutes left`;
-  for (const id of ["valid", "invalid"]) $(id).disabled = told.trial === null;
+  for (const id of ["valid", "invalid"]) $(id).disabled = told.trial === null || Boolean(told.wanted);
+  $("note").textContent = told.note ?? "";
+  $("note").hidden = !told.note;
+  $("photograph").hidden = !told.wanted && !told.taken;
+  $("file").value = "";
+  $("known").replaceChildren(...(told.known ?? []).map(line => Object.assign(document.createElement("li"), { textContent: line })));
   if (told.trial === null) {
     next = told;
     board.redraw();
@@ -30,7 +35,7 @@ async function show(told) {
     say("That is all. Thank you! You may close this page, and end the recorder with Ctrl-C.", "good");
     return;
   }
-  await board.show(told.picture, "A table with a path");
+  await board.show(told.picture + (told.taken ? `?${told.taken}` : ""), "A table with a path");
   next = told;
   board.redraw();
   since = performance.now();
@@ -51,7 +56,7 @@ async function send(path, values) { // shows what is due, also after an answer f
 }
 
 function answer(valid) {
-  if (!next || next.trial === null) return;
+  if (!next || next.trial === null || next.wanted) return;
   if ($("message").textContent) say("");
   send("/api/answer", { trial: next.trial, valid, response_ms: performance.now() - since });
 }
@@ -75,6 +80,11 @@ board.layers = [(context, unit) => { if (next?.points) stroke(context, unit, nex
 $("valid").addEventListener("click", () => answer(true));
 $("invalid").addEventListener("click", () => answer(false));
 $("undo").addEventListener("click", () => send("/api/undo", {}));
+$("file").addEventListener("change", event => {
+  const reader = new FileReader();
+  reader.onload = () => send("/api/photograph", { trial: next.trial, picture: reader.result });
+  if (event.target.files.length) reader.readAsDataURL(event.target.files[0]);
+});
 document.addEventListener("keydown", event => {
   const keys = { v: () => answer(true), n: () => answer(false), u: () => $("undo").disabled || send("/api/undo", {}) };
   const action = keys[event.key.toLowerCase()];

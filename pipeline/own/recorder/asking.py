@@ -1,4 +1,7 @@
-"""The command `ask`: trials one at a time, and each answer stored before the next is shown."""
+"""The command `ask`: trials one at a time, and each answer stored before the next is shown.
+
+`Asking` asks what was planned. `Designing` (ask --design) and `Placing` (ask --real) ask otherwise.
+"""
 
 import json
 import shlex
@@ -10,6 +13,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray as Array
 from pydantic import FiniteFloat
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -18,6 +23,7 @@ from starlette.routing import Route
 
 from pipeline.causal.experiment import due, pairs_within, smallest_settled
 from pipeline.own.asked import ANSWERS, ASKED, Sitting, digest, picture, prepare, sittings
+from pipeline.own.files import KINDS
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX
 from pipeline.own.recorder.serve import BESIDE, application, parser, posted, serve
@@ -31,6 +37,8 @@ LONGEST_MS = 60_000  # of an answer that counts as time at work: people are call
 class Asking:
     """One folder's sittings. Its methods may be called from several threads."""
 
+    suffix = ""  # of the stems of the sittings' files
+
     def __init__(self, folder: Folder, user: str | None, minutes: float) -> None:
         """Open a folder for one user, or for all with demonstrations; raise InputError for an unknown one."""
         if user is not None and user not in folder.users:
@@ -40,11 +48,16 @@ class Asking:
         self.lock = Lock()
         self.files: dict[str, Path] = {}  # of each user's sitting
         self.kept: dict[str, Sitting] = {}
-        earlier = sittings(folder.path)
+        earlier = sittings(folder.path, self.suffix)
         for file, sitting in earlier.items():
             if sitting.digest == self.digest:
                 self.kept[sitting.user], self.files[sitting.user] = sitting, file
         self.apart = sum(sitting.digest != self.digest for sitting in earlier.values())
+
+    @property
+    def more(self) -> list[Route]:
+        """Return further addresses."""
+        return []
 
     def overview(self) -> dict[str, Any]:
         """Return who may be asked."""
@@ -57,10 +70,12 @@ class Asking:
             raise InputError(f"there is no user {user!r} here: reload the page")
         with self.lock:
             if user not in self.kept:
-                content = json.dumps(prepare(self.folder, user, f"{self.digest}/{user}"), ensure_ascii=False, indent=1)
+                if crowded := (sitting := self.prepared(user)).get("no_room_for"):
+                    print(f"No free place near a path of {user} for: {', '.join(crowded)}", flush=True)
+                content = json.dumps(sitting, ensure_ascii=False, indent=1)
                 folder = self.folder.path / ASKED
-                number = max((int(file.stem) for file in sittings(self.folder.path)), default=0) + 1
-                write_durably(file := folder / f"{number:03d}.json", content)
+                number = max((int(file.stem[:3]) for file in sittings(self.folder.path, self.suffix)), default=0) + 1
+                write_durably(file := folder / f"{number:03d}{self.suffix}.json", content)
                 self.files[user], self.kept[user] = file, Sitting.read(file)
             return self.shown(user)
 
@@ -69,7 +84,7 @@ class Asking:
         """Store an answer and return the next trial; InputError if another trial is due: another window answered."""
         with self.lock:
             sitting = self.sitting(user)
-            if trial != self.shown(user)["trial"]:
+            if trial != self.next(user)[0]:
                 raise InputError("this was answered in another window: go on with the trial shown now")
             times = [*sitting.response_ms, max(response_ms, 0.0)]
             self.store(user, replace(sitting, answers=sitting.answers | {trial: valid}, response_ms=times))
@@ -85,6 +100,18 @@ class Asking:
             answers = dict(list(sitting.answers.items())[:-1])
             self.store(user, replace(sitting, answers=answers, response_ms=sitting.response_ms[:-1]))
             return self.shown(user)
+
+    def prepared(self, user: str) -> dict[str, Any]:
+        """Return a user's new sitting, as its file holds it."""
+        return prepare(self.folder, user, f"{self.digest}/{user}")
+
+    def rows(self, user: str) -> list[int]:
+        """Return the rows of a user's plan that are to be asked next, in order."""
+        return due(self.kept[user].plan, self.kept[user].answers)
+
+    def beside(self, user: str, row: int | None) -> dict[str, Any]:
+        """Return what the page shows beside the picture of a row, or in the end."""
+        return {}
 
     def sitting(self, user: str) -> Sitting:
         """Return a user's sitting; raise InputError if it has not begun."""
@@ -102,27 +129,38 @@ class Asking:
     def shown(self, user: str) -> dict[str, Any]:
         """Return what the page shows: the next trial, or none once the minutes are over or all is asked.
 
-        Nothing in it tells the condition: points [px] of the path, and the address of a picture.
+        Nothing of `Asking` in it tells the condition: points [px] of the path, and the address of a picture.
         """
-        sitting = self.kept[user]
-        spent = sum(min(ms, LONGEST_MS) for ms in sitting.response_ms) / 1000
-        left = max(0.0, 60 * self.minutes - spent)
-        rows = due(sitting.plan, sitting.answers) if left > 0 else []
-        count = len(sitting.answers)
-        told = {"trial": rows[0] if rows else None, "answered": count, "left_s": round(left), "apart": self.apart}
-        if rows:
-            points = self.folder.frame.to_model(np.array(sitting.paths[sitting.plan["path"].iloc[rows[0]]]["points"]))
+        sitting, (row, left) = self.kept[user], self.next(user)
+        told = {"trial": row, "answered": len(sitting.answers), "left_s": round(left), "apart": self.apart}
+        if row is not None:
+            points = self.folder.frame.to_model(np.array(sitting.paths[sitting.plan["path"].iloc[row]]["points"]))
             told["points"] = ((points * [1, -1] + [0, 1]) * CANVAS_PX).round(1).tolist()
-            told["picture"] = f"/trials/{self.files[user].stem}/{rows[0]}"
-        return told
+            told["picture"] = f"/trials/{self.files[user].stem}/{row}"
+        return told | self.beside(user, row)
+
+    def next(self, user: str) -> tuple[int | None, float]:
+        """Return the row that is asked next, if any, and the time that is left [s]."""
+        spent = sum(min(ms, LONGEST_MS) for ms in self.kept[user].response_ms) / 1000
+        left = max(0.0, 60 * self.minutes - spent)
+        rows = self.rows(user) if left > 0 else []
+        return (rows[0] if rows else None), left
 
     def image(self, number: str, trial: int) -> bytes:
         """Return the PNG of a trial; raise InputError if there is none."""
         user = next((user for user, file in self.files.items() if file.stem == number), None)
         if user is None or not 0 <= trial < len(self.kept[user].plan):
             raise InputError("there is no such trial: reload the page")
-        row = next(self.kept[user].plan.iloc[[trial]].itertuples())
-        return cv2.imencode(".png", cv2.cvtColor(picture(self.folder, row), cv2.COLOR_RGB2BGR))[1].tobytes()
+        return png(self.drawn(user, next(self.kept[user].plan.iloc[[trial]].itertuples())))
+
+    def drawn(self, user: str, row: Any) -> UInt8[Array, "side side 3"]:
+        """Return the picture of a row of a user's plan."""
+        return picture(self.folder, row)
+
+
+def png(pixels: UInt8[Array, "row column 3"]) -> bytes:
+    """Return a picture as PNG."""
+    return cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR))[1].tobytes()
 
 
 def routes(asking: Asking) -> list[Route]:
@@ -139,6 +177,7 @@ def routes(asking: Asking) -> list[Route]:
         posted("begin", asking.begin),
         posted("answer", asking.answer),
         posted("undo", asking.undo),
+        *asking.more,
     ]
 
 
@@ -147,6 +186,9 @@ def main(arguments: Sequence[str]) -> int:
     parse = parser("ask", "Ask people about paths with and without a composited item.")
     parse.add_argument("--user", help="default: the page asks who judges")
     parse.add_argument("--minutes", type=float, default=10.0, help="of judging, in all sittings about this folder")
+    other = parse.add_mutually_exclusive_group()
+    other.add_argument("--real", action="store_true", help="judge again, with photographs of real items")
+    other.add_argument("--design", action="store_true", help="show the tables that tell most about the person's rule")
     parsed = parse.parse_args(arguments)
     if not 0 < parsed.minutes <= 600:
         raise InputError(f"--minutes is {parsed.minutes:g}: expected minutes above 0 and up to 600")
@@ -154,11 +196,22 @@ def main(arguments: Sequence[str]) -> int:
     if folder is None:
         raise InputError(f"{faults[0]} (python -m pipeline.own check {shlex.quote(str(parsed.folder))} says all)")
     asking = Asking(folder, parsed.user, parsed.minutes)
+    if parsed.design:
+        from pipeline.own.recorder.designing import Designing  # which imports this module
+
+        asking = Designing(folder, parsed.user, parsed.minutes)
+    elif parsed.real:
+        from pipeline.own.recorder.placing import Placing
+
+        asking = Placing(folder, parsed.user, parsed.minutes)
     if asking.apart:
         print(f"The folder has changed since {asking.apart} earlier sittings: their answers are kept apart")
     if not (folder.path / "report" / "tables" / "repaired.parquet").is_file():
         make = f"python -m pipeline.own {shlex.quote(str(parsed.folder))}"
         print(f"There is no report yet, so no repair is asked about: {make} makes it")
+    named = {kind for items in folder.told.values() for kind, *_ in items if kind}
+    if unasked := sorted(named - set(folder.cutouts)):
+        print(f"Without a cut-out in {KINDS}/ these kinds are not asked about: {', '.join(unasked)}")
     if folder.cutouts:
         count = len(folder.cutouts)
         pairs = pairs_within(60 * parsed.minutes / SECONDS, count)

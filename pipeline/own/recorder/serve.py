@@ -148,15 +148,17 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
     )
 
 
-def posted(name: str, store: Callable[..., Any]) -> Route:
+def posted(name: str, store: Callable[..., Any], most: int = MAX_REQUEST_BYTES) -> Route:
     """Return the route of a request that changes something: `store` gets what the page sent, and answers."""
 
     async def answer(request: Request) -> Response:
         body = bytearray()
         async for chunk in request.stream():
             body += chunk
-            if len(body) > MAX_REQUEST_BYTES:
-                return _refused(f"more than {MAX_REQUEST_BYTES / 1e6:.0f} MB were sent: draw a shorter path", 413)
+            if len(body) > most:
+                return _refused(
+                    f"more than {most / 1e6:.0f} MB were sent: draw a shorter path, or scale the picture down", 413
+                )
         values = SENT.validate_json(bytes(body))
         return JSONResponse(await run_in_threadpool(partial(store, **values)) or {})
 

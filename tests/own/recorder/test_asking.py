@@ -2,8 +2,11 @@
 
 import json
 import shutil
+from base64 import b64encode
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -11,7 +14,10 @@ from pipeline import library
 from pipeline.own import asked, fitting
 from pipeline.own.asked import Sitting, sittings
 from pipeline.own.folder import Folder, read_folder
+from pipeline.own.recorder import designing
 from pipeline.own.recorder.asking import Asking, main
+from pipeline.own.recorder.designing import Designing
+from pipeline.own.recorder.placing import Placing
 from pipeline.runtime.errors import InputError
 from tests.own.folders import add_kind, make_folder
 
@@ -20,9 +26,10 @@ pytestmark = pytest.mark.slow  # thousands of places are tried for each sitting
 
 @pytest.fixture(scope="module")
 def begun(tmp_path_factory: pytest.TempPathFactory) -> Folder:
-    """A folder of which Ana's sitting has begun."""
+    """A folder of which Ana's sitting has begun, with a kind that no scene has room for."""
     path = make_folder(tmp_path_factory.mktemp("asked") / "table")
-    add_kind(path)
+    add_kind(path, "cup,blue.png,0.12\ntray,blue.png,0.95\n")
+    shutil.copytree(path / "kinds" / "cup", path / "kinds" / "tray")
     folder, faults = read_folder(path)
     assert folder is not None and not faults
     Asking(folder, "Ana", 10.0).begin(user="Ana")
@@ -46,6 +53,7 @@ def answer(asking: Asking, count: int, user: str = "Ana") -> dict:
 def test_the_sitting_is_written_before_the_first_trial_and_each_answer_before_the_next(folder: Folder):
     content = json.loads((folder.path / "asked" / "001.json").read_text())
     assert {"questions", "rule", "trials", "seed", "user", "digest"} <= content.keys()
+    assert content["no_room_for"] == ["tray"] and "tray" not in {trial["condition"] for trial in content["trials"]}
     asking = Asking(folder, None, 10.0)
     told = answer(asking, 7)
     rows = pd.read_csv(folder.path / "asked" / "001.csv")
@@ -94,7 +102,7 @@ def test_two_windows_two_people_and_a_time_that_is_over(folder: Folder):
 def test_a_changed_folder_keeps_old_answers_apart(folder: Folder, tmp_path: Path):
     path = tmp_path / "table"
     shutil.copytree(folder.path, path)
-    add_kind(path, "cup,blue.png,0.10\n")
+    add_kind(path, "cup,blue.png,0.10\ntray,blue.png,0.95\n")
     changed, _ = read_folder(path)
     assert changed is not None
     asking = Asking(changed, None, 10.0)
@@ -107,6 +115,10 @@ def test_folders_that_leave_nothing_to_ask_are_refused(tmp_path: Path):
     assert folder is not None
     with pytest.raises(InputError, match="nothing to ask Ana: add cut-outs"):
         Asking(folder, None, 10.0).begin(user="Ana")
+    with pytest.raises(InputError, match="there is nothing to ask Ana"):
+        Designing(folder, None, 10.0).begin(user="Ana")
+    with pytest.raises(InputError, match="no item was judged yet"):
+        Placing(folder, None, 10.0)
     with pytest.raises(InputError, match="no user 'Bob'"):
         Asking(folder, "Bob", 10.0)
     with pytest.raises(InputError, match="--minutes is 0"):
@@ -133,11 +145,58 @@ def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(
         refused = plan["condition"][told["trial"]] == "cup"
         told = asking.answer(user="Ana", trial=told["trial"], valid=not refused, response_ms=900.0)
     fitted = {"Ana": fitting.fit_user(fitting.UserData.of("Ana", folder), lambda _: None)}
+    placing = Placing(folder, "Ana", 10.0)
+    told, photograph = placing.begin(user="Ana"), (folder.path / "scenes" / "tea.png").read_bytes()
+
+    def take(picture: bytes) -> dict:
+        return placing.take(user="Ana", trial=told["trial"], picture=f"data:;base64,{b64encode(picture).decode()}")
+
+    with pytest.raises(InputError, match="photograph cannot be read"):
+        take(b"no picture")
+    small = cv2.imencode(".png", np.zeros((50, 50, 3), np.uint8))[1].tobytes()
+    with pytest.raises(InputError, match=r"50 x 50 pixels: expected \d+ x \d+"):
+        take(small)
+    with pytest.raises(InputError, match="photograph the table first"):
+        placing.answer(user="Ana", trial=told["trial"], valid=False, response_ms=900.0)
+    assert "a real cup" in told["note"] and placing.begin(user="Ana") == told, "nothing was stored"
+    composited = placing.image("001-real", told["trial"])
+    shown = take(photograph)
+    assert shown["trial"] == told["trial"] and "wanted" not in shown
+    assert placing.image("001-real", told["trial"]) != composited
+    placing.answer(user="Ana", trial=told["trial"], valid=False, response_ms=900.0)
+    assert Placing(folder, "Ana", 10.0).begin(user="Ana")["answered"] == 1, "after a kill"
     made = asked.tables(folder, fitted)
+    assert made["asked_real"][["kind", "count", "share"]].to_numpy().tolist() == [["cup", 1, 1.0]]
     effects = made["asked_effects"].set_index("kind")
+    assert effects["varied"].all()
     assert effects.loc["cup", "effect"] == -1 and effects.loc["sticker", "effect"] == 0
     assert -1 <= effects.loc["cup", "model_effect"] <= 1
     agreed = made["asked_agreement"].set_index("who")
     assert agreed.loc["self", "share"] == 1 and agreed.loc["ceiling", "share"] == 1
     repairs = made["asked_repairs"].set_index("role")
     assert repairs.loc["valid", "share"] == 1 and repairs.loc["valid", "ci_low"] < 1
+    for answers in (5, 30):  # gives up after five; always yes
+        (folder.path / "asked" / "001.csv").unlink()
+        told = (asking := Asking(folder, "Ana", 10.0)).begin(user="Ana")
+        for _ in range(answers):
+            told = asking.answer(user="Ana", trial=told["trial"], valid=True, response_ms=900.0)
+        effects = asked.tables(folder, fitted)["asked_effects"]
+        assert (effects["verdict"] == "undecided").all() and not effects["varied"].any()
+
+
+def test_design_asks_what_separates_the_rules_and_draws_it(folder: Folder, monkeypatch, capsys):
+    monkeypatch.setitem(library.TRAINING["clearance"], "steps", 5)
+    monkeypatch.setattr(designing, "PLACES", 40)
+    asking = Designing(folder, "Ana", 10.0)
+    told = asking.begin(user="Ana")
+    assert "a cup" in told["note"] and told["note"] in capsys.readouterr().out
+    drawn = cv2.imread(str(folder.path / "asked" / "001-design.png"))
+    assert drawn is not None and drawn.tobytes() != asking.image("001-design", told["trial"])
+    before = asking.rules("Ana").known()[1][0]
+    near = asking.kept["Ana"].plan["clearance_m"]
+    while told["trial"] is not None:
+        told = asking.answer(user="Ana", trial=told["trial"], valid=bool(near[told["trial"]] > 0.03), response_ms=900.0)
+    after = asking.rules("Ana").known()[1][0]
+    assert after[3] > before[3] and "cup: keeps" in told["known"][1]
+    assert Designing(folder, "Ana", 10.0).begin(user="Ana") == told, "after a kill"
+    assert list(sittings(folder.path)) == [folder.path / "asked" / "001.json"], "design is no sitting of its own"
