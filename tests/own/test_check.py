@@ -257,7 +257,7 @@ def test_all_faults_are_named_at_once_and_alike_rows_only_once(folder: Path, cap
 
 def test_a_command_to_type_names_the_folder_as_a_shell_takes_it(tmp_path: Path):
     folder = make_folder(tmp_path / "{my} table")
-    change(folder, 2, "valid", "")
+    (folder / "demonstrations.csv").unlink()
     assert f"`python -m pipeline.own record '{folder}'`" in read_folder(folder)[1][0]
 
 
