@@ -1,5 +1,9 @@
-"""Stage person: make the experiment on a person (pipeline/causal/experiment.py) on simulated people of known rules."""
+"""Stage person: make the experiment on a person (pipeline/causal/experiment.py) on simulated people of known rules.
 
+Also: how many labels tell a person's rule on designed tables (pipeline/own/design.py), beside random ones.
+"""
+
+from collections.abc import Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -16,12 +20,14 @@ from pipeline.launch import launch
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Chance, Distance, Group, Length, Names, Several, Size, StudyGroup, Whole
 from pipeline.runtime.streams import stream
+from studies.person.designed import CHOICES, LABELS, labels
 from studies.person.people import Person, sit
 
 DRAWS = 4000  # simulated pairs behind each true effect
 WORDS = "effect", "present", "negligible", "undecided"
 CLAIMS = "effect", "present"
 MANY = 100  # judgements that a careful person should need at most
+DESIGNED = 40  # people whose rule is sought on designed and on random tables, at most; two seconds each
 
 
 class Habits(Group):
@@ -61,7 +67,7 @@ Job = tuple[str, Person, tuple]  # group, person, and the names of the person's 
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write coverage.csv, false_effects.csv, power.csv and minutes.csv."""
+    """Write coverage.csv, false_effects.csv, power.csv, minutes.csv and designed.csv."""
     study = cfg.studies.person
     jobs = people(study)
     parts = map_jobs(partial(asked, int(study.scenes)), jobs, cfg.workers, "simulated people")
@@ -70,6 +76,28 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "false_effects.csv", false_effects(table[table["group"].isin(list(study.sorts))]))
     write_table(out_dir / "power.csv", power(table[table["group"].str.startswith("power")], study.kinds[0]))
     write_table(out_dir / "minutes.csv", minutes(table[table["group"].str.startswith("careful")], float(study.seconds)))
+    several = list(product(CHOICES, range(min(int(study.each), DESIGNED))))
+    counts = map_jobs(partial(labelled, study), several, cfg.workers, "designed tables")
+    write_table(out_dir / "designed.csv", designed(pd.DataFrame(several, columns=["choice", "person"]), counts))
+
+
+def labelled(study: Any, job: tuple[str, int]) -> int:
+    """Return `labels` of one person; tables, rule and lapses of a person are the same for both choices."""
+    choice, person = job
+    rng = stream(study.root_seed, "designed", person)
+    return labels(choice, len(study.kinds), list(study.margins_m), study.scenes, study.curve.lapses, rng)
+
+
+def designed(table: pd.DataFrame, counts: Sequence[int]) -> pd.DataFrame:
+    """Return for each choice of tables the labels until the rule is known: median, q1, q3, and the share within LABELS.
+
+    Quantiles above LABELS are LABELS + 1: not known by then.
+    """
+    rows = []
+    for choice, part in table.assign(labels=counts).groupby("choice", sort=False)["labels"]:
+        q1, median, q3 = np.quantile(part, (0.25, 0.5, 0.75), method="higher").tolist()
+        rows.append((choice, len(part), median, q1, q3, *wilson(int((part <= LABELS).sum()), len(part))))
+    return pd.DataFrame(rows, columns=["choice", "people", "median", "q1", "q3", "known", "ci_low", "ci_high"])
 
 
 def people(study: Any) -> list[Job]:
@@ -129,7 +157,7 @@ def power(table: pd.DataFrame, kind: str) -> pd.DataFrame:
         within = min(1.0, float(one["margin_m"].iloc[0]) / NEAR_M)
         for word in WORDS:
             rows.append((within, word, len(one), *wilson(int((one["verdict"] == word).sum()), len(one))))
-    return pd.DataFrame(rows, columns=["within", "verdict", "people", "share", "ci_low", "ci_high"])
+    return pd.DataFrame(rows, columns=["within", "verdict", "people", "share", "share_ci_low", "share_ci_high"])
 
 
 def minutes(table: pd.DataFrame, seconds: float) -> pd.DataFrame:
@@ -143,7 +171,7 @@ def minutes(table: pd.DataFrame, seconds: float) -> pd.DataFrame:
         wanted = np.where(part["margin_m"] > 0, "effect", "negligible")
         right = (part["verdict"] == wanted).groupby(part["person"]).all()
         judgements = part.groupby("person")["judgements"].first()
-        q1, median, q3 = np.quantile(judgements, (0.25, 0.5, 0.75))
+        q1, median, q3 = np.quantile(judgements, (0.25, 0.5, 0.75), method="higher").tolist()
         within = right & (judgements <= MANY)
         share = wilson(int(right.sum()), len(right))
         rows.append(
@@ -159,7 +187,8 @@ def minutes(table: pd.DataFrame, seconds: float) -> pd.DataFrame:
                 smallest_settled(LOOKS[0]),
             )
         )
-    names = ["lapses", "people", "median", "q1", "q3", "minutes", "right", "ci_low", "ci_high", "within", "settled"]
+    ends = ["right_ci_low", "right_ci_high"]
+    names = ["lapses", "people", "median", "q1", "q3", "minutes", "right", *ends, "within", "settled"]
     return pd.DataFrame(rows, columns=names)
 
 

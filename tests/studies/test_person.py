@@ -1,12 +1,14 @@
 """Study person: a simulated person follows the margins given, and habits spoil answers as they say."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.random import default_rng as rng
 
 from pipeline.causal.experiment import NEAR_M, STICKER, UNCHANGED
+from studies.person.designed import CHOICES, labels
 from studies.person.people import Person
-from studies.person.stage import asked, coverage, false_effects
+from studies.person.stage import asked, coverage, designed, false_effects
 
 NEAR = np.linspace(0.0005, NEAR_M, 400)
 ALL = np.full(400, "cup")
@@ -32,3 +34,11 @@ def test_tables_count_people_and_kinds():
     table = asked(6, ("any", Person({"cup": 0.045, "fork": 0.0}, lapses=0.05), (1, "a"))).assign(person=0)
     assert coverage(table).set_index("look").loc["all", "intervals"] == 2
     assert false_effects(table.assign(verdict="effect")).iloc[0][["people", "false"]].tolist() == [1, 1.0]
+
+
+def test_designed_tables_tell_a_rule_in_fewer_labels_than_random_ones():
+    jobs = pd.DataFrame([(choice, person) for choice in CHOICES for person in range(4)], columns=["choice", "person"])
+    counts = [labels(choice, 2, [0.0, 0.02, 0.045], 8, 0.0, rng(person)) for choice, person in jobs.to_numpy()]
+    table = designed(jobs, counts).set_index("choice")
+    assert table.loc["designed", "median"] <= table.loc["random", "median"] / 2
+    assert table.loc["designed", "known"] == 1 and table["people"].tolist() == [4, 4]
