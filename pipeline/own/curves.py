@@ -62,9 +62,9 @@ def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.Data
     """Return how far curves of each degree pass from the parts of a hand's path that they were not fitted to.
 
     Columns: degree, demonstrations, left_out_m (root mean square distance, median over demonstrations, since fits to a
-    folded path may not find its tip), error (its standard error; both in metres on the table) and chosen: the lowest degree within one standard error of the best.
-    Each path is cut into BLOCKS parts, of which every other one is left out, in turn. Without two
-    paths of enough samples the lowest degree is chosen.
+    folded path may not find its tip), error (its standard error; both in metres on the table) and chosen: the lowest
+    degree within one standard error of the best. Each path is cut into BLOCKS parts, of which every other one is left
+    out, in turn. Without two paths of enough samples the lowest degree is chosen.
     """
     long = [points for points in hands if len(points) >= 4 * max(DEGREES)]
     tried = [long[i] for i in np.linspace(0, len(long) - 1, min(TRIED, len(long))).astype(int)]
