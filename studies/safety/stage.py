@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
@@ -28,12 +27,10 @@ from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import POSITION, position_only
 from pipeline.models.trained import check_weights, predict_all
-from pipeline.planning.nearest import nearest_valid
 from pipeline.runtime import settings
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import Between, Count, Group, Length, Several, Shares, Some, StudyGroup, Whole, need
 from pipeline.runtime.streams import stream
-from pipeline.runtime.writing import atomic_write
 from pipeline.stats.conformal import accept, p_values, score, share_by_scene
 from pipeline.stats.crossed import Items, estimate, items_held
 from pipeline.stats.scores import DECISION
@@ -41,24 +38,16 @@ from pipeline.training.judged_sets import NEW_ITEMS
 from pipeline.training.refit import TrainingSet, demonstrations, refit
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts
-from pipeline.world.rules import clearance, slack, valid
+from pipeline.world.rules import clearance, valid
 
 TRUTH, ALL = "truth", "all"  # beside variants and users in tables
 CONFORMAL, THRESHOLD = "conformal", "threshold"  # how paths are accepted
+INVALID = "invalid", "ci_low", "ci_high"
 TOLERANCE = 1e-12  # numerical tolerance when a share is compared with the level
-MAX_ROOM_M = 1.0  # upper limit on room, which is infinite for users without a margin
-HEADER = """\
-# Safety envelopes that model `{variant}` learned from labelled demonstrations: user -> symbol. Lengths in metres.
-# keep_clear_m: distance that a path of this user should keep from the item's outline (the interval's upper end).
-#   null means that no effect was found, or (verdict undecided) that it is not known: do not take it as leave to touch.
-# radius_m, ci_low_m, ci_high_m: clearance at which half of the item's effect is gone, and its 95 % interval.
-# response: how much touching the item takes from the chance that a path clear of all others is valid.
-# Paths that keep these distances and no more are not always valid (planning.csv), so add a margin:
-"""
 
 
 class Envelope(Group):
-    """Doses, paths at each of them, and the variant whose distances are tested and written."""
+    """Doses, paths at each of them, and the variant whose distances the page shows."""
 
     planner: str
     step: Length
@@ -66,7 +55,6 @@ class Envelope(Group):
     clear_of_others: Length
     paths: Count
     candidates: Count
-    starts: Count
     root_seed: Whole
 
 
@@ -124,7 +112,7 @@ Chosen = Int[Array, "symbol scene dose path"]  # candidates; -1: none
 
 
 def write_envelopes(cfg: DictConfig, out_dir: Path) -> None:
-    """Write envelope.csv, response.parquet, planning.csv and specification.yaml."""
+    """Write envelope.csv and response.parquet."""
     study, users, scenes = cfg.studies.safety.envelope, list(cfg.users), read_envelope_scenes(cfg)
     doses = dose_grid(study.step, study.doses)
     by_variant = responses(cfg, scenes, choose_paths(cfg, scenes, doses))
@@ -142,14 +130,8 @@ def write_envelopes(cfg: DictConfig, out_dir: Path) -> None:
         for q, (user, symbol) in enumerate(questions):
             curve = response_curve(values[q], item[q], n_training[q], doses)
             curves.append(curve.assign(variant=variant, user=user, symbol=symbol))
-    found = pd.concat(tables, ignore_index=True)
-    write_table(out_dir / "envelope.csv", found)
+    write_table(out_dir / "envelope.csv", pd.concat(tables, ignore_index=True))
     write_table(out_dir / "response.parquet", pd.concat(curves, ignore_index=True))
-
-    learned = found[found["variant"] == study.planner]
-    planning = check_plans(cfg, scenes, learned)
-    write_table(out_dir / "planning.csv", planning)
-    write_specification(out_dir / "specification.yaml", study.planner, learned, planning)
 
 
 def read_envelope_scenes(cfg: DictConfig) -> Scenes:
@@ -216,42 +198,6 @@ def responses(cfg: DictConfig, scenes: Scenes, chosen: Chosen) -> dict[str, Arra
     return by_variant | {TRUTH: mean_loss(without, with_item)[:, :, None]}
 
 
-def check_plans(cfg: DictConfig, scenes: Scenes, learned: pd.DataFrame) -> pd.DataFrame:
-    """Return how valid paths are after moving just far enough to keep the learned distances, one row per user.
-
-    plans: number of paths that had to move and could; valid: share that is truly valid; shortfall_m: 99th percentile of
-    the distance [m] that they miss. Only users with an envelope.
-    """
-    starts, rows = scenes.z_theta[:, : cfg.studies.safety.envelope.starts], []
-    for user, table in learned.groupby("user", sort=False):
-        keep_clear = {s: None if np.isnan(x) else x for s, x in zip(table["symbol"], table["ci_high"], strict=True)}
-        if all(distance is None for distance in keep_clear.values()):
-            continue
-        plans = nearest_valid(scenes.layouts, starts, keep_clear, cfg.repair.lattice_side, cfg.repair.refinements)
-        moved = ~valid(scenes.layouts, starts, keep_clear) & valid(scenes.layouts, plans, keep_clear)
-        room = slack(scenes.layouts, scene_clearance(scenes.layouts, plans), cfg.users[user])[moved]
-        share, short = ((room > 0).mean(), -np.quantile(room.clip(max=MAX_ROOM_M), 0.01)) if len(room) else (np.nan, 0)
-        rows.append((cfg.studies.safety.envelope.planner, user, len(room), share, max(0.0, short)))
-    return pd.DataFrame(rows, columns=["variant", "user", "plans", "valid", "shortfall_m"])
-
-
-def write_specification(path: Path, variant: str, learned: pd.DataFrame, planning: pd.DataFrame) -> None:
-    """Write the planner's envelopes as YAML, with a header on their accuracy."""
-    content: dict[str, dict] = {}
-    for row in learned.itertuples():
-        radius, low, high = (None if np.isnan(m) else round(m, 4) for m in (row.radius_m, row.ci_low, row.ci_high))
-        lengths = {"keep_clear_m": high, "radius_m": radius, "ci_low_m": low, "ci_high_m": high}
-        judged = {"response": round(row.response, 4), "verdict": row.verdict}
-        content.setdefault(row.user, {})[row.symbol] = lengths | judged
-    lines = [
-        f"#   - {row.user}: {100 * row.valid:.1f} % of {row.plans} such paths are valid, and 99 % lack at most "
-        f"{row.shortfall_m:.4f} m.\n"
-        for row in planning.itertuples()
-    ]
-    text = HEADER.format(variant=variant) + "".join(lines) + yaml.safe_dump(content, sort_keys=True)
-    atomic_write(path, lambda part: part.write_text(text, encoding="utf-8"))
-
-
 # Acceptance
 
 
@@ -277,13 +223,12 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
     blind = [(position_only(prior[x.user], x.z_theta), position_only(prior[x.user], z_theta)) for x in complete]
     answers[POSITION] = 2 * blind  # fitted to no demonstrations
 
-    unseen = scenes.layouts[splits[NEW_ITEMS]] if NEW_ITEMS in splits else None
     summary, curve = [], []
     for variant, predictions in answers.items():
         of_some, of_all = predictions[: len(complete)], predictions[len(complete) :]
         end = 0
         for split, q in queries.items():
-            paths = slice(end, end := end + len(q.z))
+            paths, layouts = slice(end, end := end + len(q.z)), scenes.layouts[splits[split]]
             conformal = []  # calibrated in the training scenes that were not fitted
             for x, part, (p_demos, p_paths) in zip(complete, fitted, of_some, strict=True):
                 held_out = np.setdiff1d(np.arange(len(p_demos)), part)
@@ -292,14 +237,19 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
                 conformal.append([accept(p, level) for level in study.levels])
             threshold = [[p_paths[paths] > DECISION] * len(study.levels) for _, p_paths in of_all]
             truth = np.stack([q.valid[user] for user in users])
-            items = items_held(unseen.item, unseen.symbol) if unseen is not None and split == NEW_ITEMS else None
+            items = items_held(layouts.item, layouts.symbol) if split == NEW_ITEMS else None
             for rule, accepted in ((CONFORMAL, conformal), (THRESHOLD, threshold)):
                 choices = np.reshape(accepted, (len(users), len(seeds), len(study.levels), *q.z.shape[:2]))
-                columns, rows = outcomes(choices, truth, study, users, items)
                 names = {"variant": variant, "split": split, "rule": rule}
-                curve.append(pd.DataFrame(names | columns))
-                summary += [names | row for row in rows]
-    write_table(out_dir / "levels.csv", pd.concat(curve, ignore_index=True))
+                for i, level in enumerate(study.levels):
+                    row = outcome(choices[:, :, i], truth, level, items)
+                    abstained = row["abstained"] / row["models"]
+                    curve.append(names | {"level": level} | {x: row[x] for x in INVALID} | {"abstained": abstained})
+                promised = choices[:, :, list(study.levels).index(study.level)]
+                for user, chosen in [(ALL, slice(None)), *((user, [i]) for i, user in enumerate(users))]:
+                    row = outcome(promised[chosen], truth[chosen], study.level, items)
+                    summary.append(names | {"user": user} | row)
+    write_table(out_dir / "levels.csv", pd.DataFrame(curve))
     write_table(out_dir / "acceptance.csv", pd.DataFrame(summary))
 
 
@@ -315,35 +265,21 @@ def predict_demos_and_paths(
     return model.probability(demos.images, demos.z_theta), model.probability(images, z_theta)
 
 
-def outcomes(
-    accepted: Bool[Array, "user seed level scene path"],
-    valid: Bool[Array, "user scene path"],
-    study: Any,
-    users: list,
-    items: Items = None,
-) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Return columns by promised level, and rows at the promise for all users together and each of them.
+def outcome(
+    accepted: Bool[Array, "user seed scene path"], valid: Bool[Array, "user scene path"], level: float, items: Items
+) -> dict[str, float]:
+    """Return what came of the accepted paths of some users' models.
 
     invalid: share of invalid paths among the accepted ones, with its 95 % interval over seeds and scenes, and over
-    the `items` (scene, item) of all scenes if they are chance; power: share of valid paths that are accepted;
-    abstained: share or number of models that accept none; above: number of models whose share of invalid paths exceeds
-    the level. Shares are values by scene whose mean is the share of all scenes.
+    the `items` (scene, item) of all scenes if they are chance; power: share of valid paths that are accepted; above:
+    number of models whose share of invalid paths exceeds the level; abstained: number of models that accept none.
     """
-    truth = np.broadcast_to(valid[:, None, None], accepted.shape)
-    count, correct = accepted.sum(-1), (accepted & truth).sum(-1)  # (user, seed, level, scene)
-    shares = {"invalid": share_by_scene(count - correct, count), "power": share_by_scene(correct, truth.sum(-1))}
-    silent = count.sum(-1) == 0
-    e = estimate(np.moveaxis(shares["invalid"].mean(0), 1, 0), items=items)  # (level, seed, scene)
-    columns = {"level": list(study.levels), "invalid": e.effect, "ci_low": e.ci_low.clip(0, 1)}
-    columns |= {"ci_high": e.ci_high.clip(0, 1), "abstained": silent.mean((0, 1))}
-    rows, promised = [], list(study.levels).index(study.level)
-    for user, chosen in [(ALL, slice(None)), *((user, slice(i, i + 1)) for i, user in enumerate(users))]:
-        invalid, power = (share[chosen, :, promised] for share in shares.values())
-        e, by_model = estimate(invalid.mean(0)[None], items=items), invalid.mean(-1)
-        row = {"user": user, "invalid": e.effect[0], "ci_low": max(e.ci_low[0], 0.0), "ci_high": min(e.ci_high[0], 1.0)}
-        row |= {"power": power.mean(), "above": int((by_model > study.level + TOLERANCE).sum())}
-        rows.append(row | {"abstained": int(silent[chosen, :, promised].sum()), "models": by_model.size})
-    return columns, rows
+    truth = np.broadcast_to(valid[:, None], accepted.shape)
+    count, correct = accepted.sum(-1), (accepted & truth).sum(-1)  # (user, seed, scene)
+    invalid, power = share_by_scene(count - correct, count), share_by_scene(correct, truth.sum(-1))
+    row = estimate(invalid.mean(0)[None], items=items).row(*INVALID, share=True)
+    row |= {"power": power.mean(), "above": int((invalid.mean(-1) > level + TOLERANCE).sum())}
+    return row | {"abstained": int((count.sum(-1) == 0).sum()), "models": count[..., 0].size}
 
 
 if __name__ == "__main__":
