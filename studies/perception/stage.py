@@ -87,11 +87,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     Of clearance models, write accuracy.csv, verdicts.csv and metrics.json.
     """
     study = cfg.studies.perception
-    items, examples = on_composites(cfg)
+    items, arranged, examples = on_families(cfg)
     write_table(out_dir / "families.csv", recall(items, ["kind", "family", "detector"]))
     write_table(out_dir / "summary.csv", recall(items, ["kind", "detector"]))
     write_arrays(out_dir / "examples.npz", examples)
-    write_table(out_dir / "arrangements.csv", recall(on_arrangements(cfg), ["kind", "detector"]))
+    write_table(out_dir / "arrangements.csv", recall(arranged, ["kind", "detector"]))
     parts = map_jobs(partial(on_tables, cfg), list(study.rendered), cfg.workers, "path-traced splits")
     right, verdicts = (pd.concat(tables, ignore_index=True) for tables in zip(*parts, strict=True))
     accuracy = mean_accuracy(pd.concat([baselines(cfg), right], ignore_index=True))
@@ -104,39 +104,33 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 # Composites: which items are found
 
 
-def on_composites(cfg: DictConfig) -> tuple[pd.DataFrame, dict[str, Array]]:
-    """Return the items of new composites with the overlap of each detector's object, and a picture of each family."""
+def on_families(cfg: DictConfig) -> tuple[pd.DataFrame, pd.DataFrame, dict[str, Array]]:
+    """Return the items of new composites with the overlap of each detector's object, those of arrangements, pictures.
+
+    Arrangements are of one table of each family under a fixed camera, by how the empty table is known. Pictures are
+    one of each family, with the segmenter's outlines.
+    """
     study, palette = cfg.studies.perception, read_palette(cfg.paths.data)
-    parts, examples = [], {}
+    on_composites, on_arrangements, examples = [], [], {}
     for family in tqdm(FAMILIES, desc="families"):
-        composites = draw_composites(stream(study.root_seed, "perception", family), study.pictures, [family], palette)
-        images, empty = to_tensor(composites.images), to_tensor(composites.empty)
-        for name, detect in DETECTORS.items():
-            objects = detect(images, empty)
-            table = found_items(objects, composites.instances)
-            parts.append(table.assign(kind=FAMILIES[family].kind, family=family, detector=name))
-            if name == "segmenter":
-                examples[f"{family}.{name}.ends"] = objects.ends[:1]
-                examples[f"{family}.{name}.radius"] = np.where(objects.present, objects.radius, np.nan)[:1]
-        examples[f"{family}.image"] = composites.images[:1]
-    return pd.concat(parts, ignore_index=True), examples
+        key = {"kind": FAMILIES[family].kind, "family": family}
+        drawn = draw_composites(stream(study.root_seed, "perception", family), study.pictures, [family], palette)
+        objects = {name: detect(to_tensor(drawn.images), to_tensor(drawn.empty)) for name, detect in DETECTORS.items()}
+        on_composites += [found_items(x, drawn.instances).assign(**key, detector=name) for name, x in objects.items()]
+        seen = objects["segmenter"]
+        examples[f"{family}.segmenter.ends"] = seen.ends[:1]
+        examples[f"{family}.segmenter.radius"] = np.where(seen.present, seen.radius, np.nan)[:1]
+        examples[f"{family}.image"] = drawn.images[:1]
 
-
-def on_arrangements(cfg: DictConfig) -> pd.DataFrame:
-    """Return the items of arrangements under a fixed camera, a table of each family, by how the table is known."""
-    study, palette, parts = cfg.studies.perception, read_palette(cfg.paths.data), []
-    for family in tqdm(FAMILIES, desc="arrangements"):
-        rng = stream(study.root_seed, "arrangements", family)
-        drawn = draw_arrangements(rng, study.arrangements, family, palette)
+        drawn = draw_arrangements(stream(study.root_seed, "arrangements", family), study.arrangements, family, palette)
         taken = empty_table(drawn.images)
         tables = {"segmenter": None, "segmenter_empty": drawn.empty, "segmenter_pictures": None}
         if taken is not None and taken.is_useful:
             tables["segmenter_pictures"] = np.repeat(taken.canvas[None], len(drawn.images), 0)
         for name, empty in tables.items():
             found = detect_objects(to_tensor(drawn.images), None if empty is None else to_tensor(empty))
-            table = found_items(found, drawn.instances)
-            parts.append(table.assign(kind=FAMILIES[family].kind, family=family, detector=name))
-    return pd.concat(parts, ignore_index=True)
+            on_arrangements.append(found_items(found, drawn.instances).assign(**key, detector=name))
+    return pd.concat(on_composites, ignore_index=True), pd.concat(on_arrangements, ignore_index=True), examples
 
 
 def found_items(objects: Objects, instances: UInt8[Array, "scene row column"]) -> pd.DataFrame:
@@ -252,13 +246,12 @@ def probability(
 def mean_accuracy(rows: pd.DataFrame) -> pd.DataFrame:
     """Return mean accuracies with quartiles over seeds, by source, table top (or all), detector and user (or all)."""
     rows = pd.concat([rows, rows[rows["top"] != ALL].assign(top=ALL)])
-    rows = pd.concat([rows, rows.assign(user=ALL)])
-    key = ["source", "top", "detector", "user"]
+    rows, key = pd.concat([rows, rows.assign(user=ALL)]), ["source", "top", "detector", "user"]
     by_seed = rows.groupby([*key, "seed"], sort=False).agg(accuracy=("accuracy", "mean"), scenes=("scene", "nunique"))
-    groups = by_seed.reset_index().groupby(key, sort=False)
-    quartiles = {name: groups["accuracy"].quantile(q) for name, q in (("q1", 0.25), ("q3", 0.75))}
-    means = groups.agg(seeds=("seed", "size"), scenes=("scenes", "first"), accuracy=("accuracy", "mean"))
-    return means.assign(**quartiles).reset_index()
+    groups = by_seed.groupby(key, sort=False)
+    means = groups.agg(seeds=("scenes", "size"), scenes=("scenes", "first"), accuracy=("accuracy", "mean"))
+    q1, q3 = (groups["accuracy"].quantile(share) for share in (0.25, 0.75))
+    return means.assign(q1=q1, q3=q3).reset_index()
 
 
 def on_tables(cfg: DictConfig, split: str) -> tuple[pd.DataFrame, pd.DataFrame]:
