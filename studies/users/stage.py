@@ -17,7 +17,6 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 from scipy.spatial.distance import cdist
 from scipy.stats import entropy
-from scipy.stats import t as student
 from sklearn.metrics import mutual_info_score
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
@@ -195,18 +194,19 @@ def cluster_tables(
         labels = [nearest_label(*of_user, rng, study.permutations) for of_user in arrays]
         by_seed.append(np.column_stack([by_user, np.mean(labels, axis=0)]))
         shown.append(own[["user", "z_x", "z_y"]])
-    values = np.stack(by_seed)  # (seed, draw, measure)
-    mean = values.mean(0)
-    p = (1 + (mean[1:] >= mean[0]).sum(0)) / (study.permutations + 1)
-    rows = [
-        {"measure": name} | over_seeds(values[:, 0, i]) | {"chance": mean[1:, i].mean(), "p": p[i]}
-        for i, name in enumerate((*MEASURES, SAME_TABLE))
-    ]
-    tables = [best_accuracy(training[:, i].astype(float)) for i in range(len(cfg.protocol.seeds))]
-    perfect = {"position": [best_accuracy(prior)] * len(tables), "table known": tables}
-    chance = {"chance": 1 / len(users)}
-    rows += [{"measure": f"perfect, {name}"} | over_seeds(np.array(x)) | chance for name, x in perfect.items()]
-    return pd.DataFrame(rows), shown[0]
+    values = np.stack(by_seed)  # (seed, draw, measure); draw 0: as shown
+    shuffled, actual = values.mean(0)[1:], values.mean(0)[0]
+    p = (1 + (shuffled >= actual).sum(0)) / (study.permutations + 1)
+    table = over_seeds([*MEASURES, SAME_TABLE], values[:, 0]).assign(chance=shuffled.mean(0), p=p)
+    perfect = [(best_accuracy(prior), best_accuracy(of_seed.astype(float))) for of_seed in training.swapaxes(0, 1)]
+    perfect = over_seeds(["perfect, position", "perfect, table known"], np.array(perfect))
+    return pd.concat([table, perfect.assign(chance=1 / len(users))], ignore_index=True), shown[0]
+
+
+def over_seeds(names: list[str], values: Float[Array, "seed measure"]) -> pd.DataFrame:
+    """Return the mean of each measure with Student's 95 % interval over seeds."""
+    e = estimate(values.T[:, None])
+    return pd.DataFrame({"measure": names, "mean": e.effect, "ci_low": e.ci_low, "ci_high": e.ci_high})
 
 
 def measures(
@@ -257,12 +257,6 @@ def best_accuracy(share: Float[Array, "user *scene cell"]) -> float:
     use = (total > 0).all(0)[..., 0]
     density = (share / np.where(total > 0, total, 1))[:, use] if use.ndim else share / total
     return float((density.max(0) / len(share)).sum(-1).mean())
-
-
-def over_seeds(values: Float[Array, " seed"]) -> dict[str, float]:
-    """Return the mean and Student's 95 % interval over seeds."""
-    half = student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
-    return {"mean": values.mean(), "ci_low": values.mean() - half, "ci_high": values.mean() + half}
 
 
 # Overlap
@@ -400,7 +394,8 @@ def codes_table(cfg: DictConfig) -> pd.DataFrame:
         codes = [model.perceive(to_tensor(images)).detach().numpy() for model in models]
         gaps = np.array([[gap(z, fact) for fact in facts] for z in codes]).mean(1)
         chance = np.mean([[gap(z, fact[order]) for fact in facts] for z in codes])
-        rows.append({"variant": variant, "beta": cfg.variants[variant].beta} | over_seeds(gaps) | {"shuffled": chance})
+        interval = estimate(gaps[None, None]).row()
+        rows.append({"variant": variant, "beta": cfg.variants[variant].beta} | interval | {"shuffled": chance})
     return pd.DataFrame(rows)
 
 
