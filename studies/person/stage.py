@@ -144,23 +144,12 @@ def minutes(table: pd.DataFrame, seconds: float) -> pd.DataFrame:
         right = (part["verdict"] == wanted).groupby(part["person"]).all()
         judgements = part.groupby("person")["judgements"].first()
         q1, median, q3 = np.quantile(judgements, (0.25, 0.5, 0.75))
-        within = right & (judgements <= MANY)
-        share = wilson(int(right.sum()), len(right))
-        rows.append(
-            (
-                lapses,
-                len(right),
-                median,
-                q1,
-                q3,
-                median * seconds / 60,
-                *share,
-                within.mean(),
-                smallest_settled(LOOKS[0]),
-            )
-        )
-    names = ["lapses", "people", "median", "q1", "q3", "minutes", "right", "ci_low", "ci_high", "within", "settled"]
-    return pd.DataFrame(rows, columns=names)
+        row = {"lapses": lapses, "people": len(right), "median": median, "q1": q1, "q3": q3}
+        row |= {"minutes": median * seconds / 60}
+        row |= dict(zip(("right", "ci_low", "ci_high"), wilson(int(right.sum()), len(right)), strict=True))
+        row |= {"within": (right & (judgements <= MANY)).mean(), "settled": smallest_settled(LOOKS[0])}
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 if __name__ == "__main__":

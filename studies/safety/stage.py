@@ -42,7 +42,7 @@ from pipeline.world.rules import clearance, valid
 
 TRUTH, ALL = "truth", "all"  # beside variants and users in tables
 CONFORMAL, THRESHOLD = "conformal", "threshold"  # how paths are accepted
-INVALID = "invalid", "ci_low", "ci_high"
+KEY = ["variant", "split", "rule", "user"]  # of outcomes
 TOLERANCE = 1e-12  # numerical tolerance when a share is compared with the level
 
 
@@ -223,7 +223,7 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
     blind = [(position_only(prior[x.user], x.z_theta), position_only(prior[x.user], z_theta)) for x in complete]
     answers[POSITION] = 2 * blind  # fitted to no demonstrations
 
-    summary, curve = [], []
+    at_levels, by_user, levels = {}, {}, list(study.levels)
     for variant, predictions in answers.items():
         of_some, of_all = predictions[: len(complete)], predictions[len(complete) :]
         end = 0
@@ -234,23 +234,22 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
                 held_out = np.setdiff1d(np.arange(len(p_demos)), part)
                 labels, candidates = x.valid[held_out].ravel(), score(p_paths[paths].ravel())
                 p = p_values(score(p_demos[held_out].ravel()), labels, candidates)
-                conformal.append([accept(p, level) for level in study.levels])
-            threshold = [[p_paths[paths] > DECISION] * len(study.levels) for _, p_paths in of_all]
+                conformal.append([accept(p, level) for level in levels])
+            threshold = [[p_paths[paths] > DECISION] * len(levels) for _, p_paths in of_all]
             truth = np.stack([q.valid[user] for user in users])
             items = items_held(layouts.item, layouts.symbol) if split == NEW_ITEMS else None
             for rule, accepted in ((CONFORMAL, conformal), (THRESHOLD, threshold)):
-                choices = np.reshape(accepted, (len(users), len(seeds), len(study.levels), *q.z.shape[:2]))
-                names = {"variant": variant, "split": split, "rule": rule}
-                for i, level in enumerate(study.levels):
-                    row = outcome(choices[:, :, i], truth, level, items)
-                    abstained = row["abstained"] / row["models"]
-                    curve.append(names | {"level": level} | {x: row[x] for x in INVALID} | {"abstained": abstained})
-                promised = choices[:, :, list(study.levels).index(study.level)]
+                choices = np.reshape(accepted, (len(users), len(seeds), len(levels), *q.z.shape[:2]))
+                at_levels[variant, split, rule] = outcomes(choices, truth, levels, items)
+                promised = choices[:, :, [levels.index(study.level)]]
                 for user, chosen in [(ALL, slice(None)), *((user, [i]) for i, user in enumerate(users))]:
-                    row = outcome(promised[chosen], truth[chosen], study.level, items)
-                    summary.append(names | {"user": user} | row)
-    write_table(out_dir / "levels.csv", pd.DataFrame(curve))
-    write_table(out_dir / "acceptance.csv", pd.DataFrame(summary))
+                    promise = outcomes(promised[chosen], truth[chosen], [study.level], items)
+                    by_user[variant, split, rule, user] = promise
+    table = pd.concat(at_levels, names=KEY[:3]).reset_index(KEY[:3])
+    table["abstained"] /= table["models"]
+    write_table(out_dir / "levels.csv", table.drop(columns=["power", "above", "models"]))
+    table = pd.concat(by_user, names=KEY).reset_index(KEY)
+    write_table(out_dir / "acceptance.csv", table.drop(columns="level"))
 
 
 def predict_demos_and_paths(
@@ -265,21 +264,26 @@ def predict_demos_and_paths(
     return model.probability(demos.images, demos.z_theta), model.probability(images, z_theta)
 
 
-def outcome(
-    accepted: Bool[Array, "user seed scene path"], valid: Bool[Array, "user scene path"], level: float, items: Items
-) -> dict[str, float]:
-    """Return what came of the accepted paths of some users' models.
+def outcomes(
+    accepted: Bool[Array, "user seed level scene path"],
+    valid: Bool[Array, "user scene path"],
+    levels: list[float],
+    items: Items,
+) -> pd.DataFrame:
+    """Return what came of the paths that some users' models accept, a row for each promised level.
 
     invalid: share of invalid paths among the accepted ones, with its 95 % interval over seeds and scenes, and over
     the `items` (scene, item) of all scenes if they are chance; power: share of valid paths that are accepted; above:
     number of models whose share of invalid paths exceeds the level; abstained: number of models that accept none.
     """
-    truth = np.broadcast_to(valid[:, None], accepted.shape)
-    count, correct = accepted.sum(-1), (accepted & truth).sum(-1)  # (user, seed, scene)
+    truth = np.broadcast_to(valid[:, None, None], accepted.shape)
+    count, correct = accepted.sum(-1), (accepted & truth).sum(-1)  # (user, seed, level, scene)
     invalid, power = share_by_scene(count - correct, count), share_by_scene(correct, truth.sum(-1))
-    row = estimate(invalid.mean(0)[None], items=items).row(*INVALID, share=True)
-    row |= {"power": power.mean(), "above": int((invalid.mean(-1) > level + TOLERANCE).sum())}
-    return row | {"abstained": int((count.sum(-1) == 0).sum()), "models": count[..., 0].size}
+    e = estimate(np.moveaxis(invalid.mean(0), 1, 0), items=items)  # (level, seed, scene)
+    shares = {"invalid": e.effect, "ci_low": e.ci_low.clip(0, 1), "ci_high": e.ci_high.clip(0, 1)}
+    above = (invalid.mean(-1) > np.array(levels) + TOLERANCE).sum((0, 1))
+    numbers = {"above": above, "abstained": (count.sum(-1) == 0).sum((0, 1)), "models": count[..., 0, 0].size}
+    return pd.DataFrame({"level": levels} | shares | {"power": power.mean((0, 1, 3))} | numbers)
 
 
 if __name__ == "__main__":
