@@ -22,7 +22,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import AddedItems, read_interventions, read_position_prior, read_scenes, train_pool
-from pipeline.causal.envelope import dose_grid, envelopes, paths_at_doses, response_curve
+from pipeline.causal.envelope import dose_grid, envelopes, path_at_doses, response_curve
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import POSITION, position_only
@@ -47,13 +47,12 @@ TOLERANCE = 1e-12  # numerical tolerance when a share is compared with the level
 
 
 class Envelope(Group):
-    """Doses, paths at each of them, and the variant whose distances the page shows."""
+    """Doses, random paths, and the variant whose distances the page shows."""
 
     planner: str
     step: Length
     doses: Several
     clear_of_others: Length
-    paths: Count
     candidates: Count
     root_seed: Whole
 
@@ -108,7 +107,7 @@ class Scenes:
     n_training: list[int]  # number of items of each symbol in the training scenes of all seeds
 
 
-Chosen = Int[Array, "symbol scene dose path"]  # candidates; -1: none
+Chosen = Int[Array, "symbol scene dose"]  # candidates; -1: none
 
 
 def write_envelopes(cfg: DictConfig, out_dir: Path) -> None:
@@ -148,16 +147,16 @@ def read_envelope_scenes(cfg: DictConfig) -> Scenes:
 
 
 def choose_paths(cfg: DictConfig, scenes: Scenes, doses: Float[Array, " dose"]) -> Chosen:
-    """Return the candidates at each dose; InputError if a dose occurs with fewer than two items of a symbol."""
+    """Return a candidate at each dose; InputError if a dose occurs with fewer than two items of a symbol."""
     study = cfg.studies.safety.envelope
     to_others = scene_clearance(scenes.layouts, scenes.z_theta).min(-1)
     to_added = [scene_clearance(item, scenes.z_theta)[..., 0] for item in scenes.added.placed]
-    chosen = np.stack([paths_at_doses(c, to_others, doses, study.clear_of_others, study.paths) for c in to_added])
-    for symbol, item, has_dose in zip(SYMBOLS, scenes.added.item, chosen[..., 0] >= 0, strict=True):
+    chosen = np.stack([path_at_doses(c, to_others, doses, study.clear_of_others) for c in to_added])
+    for symbol, item, has_dose in zip(SYMBOLS, scenes.added.item, chosen >= 0, strict=True):
         items = np.array([len(np.unique(item[scene])) for scene in has_dose.T])  # number of items by dose
         if items.min() < 2:
-            what = f"{items.min()} items have {study.paths} paths {doses[items.argmin()]:.4f} m from an added {symbol}"
-            how = "raise studies.safety.envelope.candidates, lower its doses, paths or clear_of_others, or intervene on"
+            what = f"{items.min()} items have a path {doses[items.argmin()]:.4f} m from an added {symbol}"
+            how = "raise studies.safety.envelope.candidates, lower its doses or clear_of_others, or intervene on"
             raise InputError(f"{what} and in contact, in some scene: expected at least 2; {how} more scenes")
     return chosen
 
@@ -173,15 +172,8 @@ def responses(cfg: DictConfig, scenes: Scenes, chosen: Chosen) -> dict[str, Arra
     Paths are the same without and with the item. Each original scene is perceived once, with those of all symbols.
     """
     users = list(cfg.users)
-    flat = chosen.reshape(*chosen.shape[:2], -1)
-    z_theta = np.take_along_axis(scenes.z_theta[None], flat[..., None], axis=2)  # (symbol, scene, dose * path, 2)
-
-    def mean_loss(before: Array, after: Array) -> Array:
-        """Return the mean over the paths at each dose, (..., symbol, scene, dose)."""
-        loss = (before - after).reshape(*before.shape[:-1], *chosen.shape[2:]).mean(-1, dtype=np.float64)
-        return np.where(chosen[..., 0] >= 0, loss, np.nan)
-
-    has_dose = np.nonzero(chosen[:, :, 0, 0] >= 0)  # symbols and scenes with a path in contact, hence with any
+    z_theta = np.take_along_axis(scenes.z_theta[None], chosen[..., None], axis=2)  # (symbol, scene, dose, 2)
+    has_dose = np.nonzero(chosen[:, :, 0] >= 0)  # symbols and scenes with a path in contact, hence with any
     before = predict_all(cfg, users, scenes.images, np.concatenate(z_theta, axis=1), "envelope: as it is")
     after = predict_all(cfg, users, scenes.added.images[has_dose], z_theta[has_dose], "envelope: added item")
     by_variant = {}
@@ -190,12 +182,13 @@ def responses(cfg: DictConfig, scenes: Scenes, chosen: Chosen) -> dict[str, Arra
         p_before = np.moveaxis(p, 3, 2)
         p_after = np.full_like(p_before, np.nan)
         p_after[:, :, *has_dose] = after[variant]
-        by_variant[variant] = np.moveaxis(mean_loss(p_before, p_after), 2, 1)
+        loss = np.where(chosen >= 0, (p_before - p_after).astype(np.float64), np.nan)
+        by_variant[variant] = np.moveaxis(loss, 2, 1)
 
     margins, added = cfg.users.values(), list(zip(scenes.added.layouts, z_theta, strict=True))
     without = np.array([[valid(scenes.layouts, z, m) for z in z_theta] for m in margins], float)
     with_item = np.array([[valid(layouts, z, m) for layouts, z in added] for m in margins], float)
-    return by_variant | {TRUTH: mean_loss(without, with_item)[:, :, None]}
+    return by_variant | {TRUTH: np.where(chosen >= 0, without - with_item, np.nan)[:, :, None]}
 
 
 # Acceptance
