@@ -35,7 +35,8 @@ from pipeline.stats.scores import accuracy
 from pipeline.training.loop import Losses, Schedule, TrainingSet, minimise, need_finite
 from pipeline.training.refit import refit
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
+from pipeline.world.catalogue import random_scenes
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
 from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import Candidates
 
@@ -153,12 +154,10 @@ def draw_scenes(cfg: DictConfig, order: tuple[str, int, int]) -> tuple[Candidate
     """
     name, count, pictures = order
     catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
-    study, rules = cfg.studies.fairness, LayoutRules.of(cfg.scenes.layout)
-    rng = stream(study.root_seed, "scenes", name)
-    layouts = random_layouts(rng, count, catalogue.footprints, catalogue.pool("train"), rules)
-    textures, seeds = rng.choice(catalogue.texture_names("train"), count), rng.integers(2**31, size=count)
-    first = slice(pictures)
-    images = render_scenes(layouts[first], list(textures[first]), seeds[first].tolist(), palette)
+    study, rng = cfg.studies.fairness, stream(cfg.studies.fairness.root_seed, "scenes", name)
+    layouts, looks = random_scenes(rng, count, catalogue, "train", LayoutRules.of(cfg.scenes.layout))
+    textures, seeds = (looks[column].tolist()[:pictures] for column in ("texture", "render_seed"))
+    images = render_scenes(layouts[:pictures], textures, seeds, palette)
     return Candidates.of(layouts, random_z_theta(rng, count, study.candidates)), images
 
 

@@ -32,7 +32,8 @@ from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import Estimates, Items, estimate, items_held, linearised
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import P_F, P_INIT, lattice, random_z_theta
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
+from pipeline.world.catalogue import random_scenes
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
 from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import Margins, valid
 
@@ -381,11 +382,10 @@ def codes_table(cfg: DictConfig) -> pd.DataFrame:
     """
     study, first = cfg.studies.users, cfg.evaluate.users[0]
     catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
-    rng, rules = stream(study.root_seed, "codes"), LayoutRules.of(cfg.scenes.layout)
-    layouts = random_layouts(rng, CODED, catalogue.footprints, catalogue.pool("train"), rules)
-    tops, seeds = rng.choice(catalogue.texture_names("train"), CODED), rng.integers(2**31, size=CODED).tolist()
-    images = render_scenes(layouts, list(tops), seeds, palette)
-    facts = [np.unique(tops, return_inverse=True)[1], layouts.present.sum(1)]
+    rng = stream(study.root_seed, "codes")
+    layouts, looks = random_scenes(rng, CODED, catalogue, "train", LayoutRules.of(cfg.scenes.layout))
+    images = render_scenes(layouts, looks["texture"].tolist(), looks["render_seed"].tolist(), palette)
+    facts = [pd.factorize(looks["texture"], sort=True)[0], layouts.present.sum(1)]
     facts += [(layouts.symbol == symbol).any(1).astype(int) for symbol in range(len(SYMBOLS))]
     facts += list((LEVELS * layouts.centre[:, 0].clip(0, 0.999)).astype(int).T)
     order, rows = rng.permutation(CODED), []
