@@ -26,11 +26,11 @@ from pipeline.runtime.streams import stream
 from pipeline.world.bezier import P_F, P_INIT, random_z_theta
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import valid
-from studies.execution.stage import REPAIRS
 
 Z = ["z_x", "z_y"]  # what an execution depends on
 GROUP = ["method", "variant", "user"]
 COLUMNS = [*GROUP, "seed", "pool", "scene", "start", *Z, "accepted", "valid"]
+REPAIRS = "gradient", "nearest"  # methods of stage repair that have a model
 UNREPAIRED, STRAIGHT, ORACLE, DEMONSTRATIONS = "unrepaired", "straight", "oracle", "demonstrations"
 PUSHED = 50  # simulated executions of one job
 Job = tuple[Float[Array, "path 2"], Layouts]  # paths, each with its scene

@@ -4,7 +4,7 @@ What needs the extra `robot` stands in studies/execution/pr2.py, so that setting
 """
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from omegaconf import DictConfig
 from pydantic import AfterValidator, Field
@@ -14,7 +14,6 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import Count, Group, Length, Several, StudyGroup, Whole, need, need_some, rising
 from pipeline.world.layout import SYMBOLS
 
-REPAIRS = "gradient", "nearest"  # methods of stage repair that have a model
 Numbers = Annotated[list[float], Field(min_length=1)]
 
 
@@ -41,7 +40,7 @@ class Settings(StudyGroup):
     error_m: Length
     tilt_rad: Length
     physics_starts: Count
-    physics: dict[str, list[str]]
+    physics: Annotated[dict[Literal["gradient", "nearest"], list[str]], Field(min_length=1)]
     fallen_rad: Length
     shown_scene: Whole
     exported: Count
@@ -53,7 +52,6 @@ def agree(study: Settings, parameters: Any) -> None:
     name, starts, scenes = "studies.execution", parameters.repair.starts, parameters.scenes.shared
     for part, sizes in (("item_heights_m", study.item_heights_m), ("item_masses_kg", study.item_masses_kg)):
         need(set(sizes) == set(SYMBOLS), f"{name}.{part}", sorted(sizes), f"one of each of {', '.join(SYMBOLS)}")
-    need_some(f"{name}.physics", study.physics, REPAIRS)
     for method, variants in study.physics.items():
         need_some(f"{name}.physics.{method}", variants, parameters.variants)
     most = f"at most repair.starts = {starts}"

@@ -141,13 +141,12 @@ def draw_conditions(cfg: DictConfig, scenes: SceneSet, pool: str) -> tuple[list[
 
 def predict_in_conditions(cfg: DictConfig, conditions: list[Condition], z_theta: Paths) -> list[Predictions]:
     """Return P(valid) of every variant and of the image-blind baseline position_only under each condition."""
-    users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    users = list(cfg.evaluate.users)
     images = np.concatenate([condition.images for condition in conditions])
     paths = np.tile(z_theta, (len(conditions), 1, 1))
     p = predict_all(cfg, users, images, paths, "disturbances")
     prior = read_position_prior(Path(cfg.paths.scenes))
-    blind = np.stack([position_only(prior[user], paths) for user in users])[:, None]
-    p[POSITION] = np.repeat(blind, len(seeds), axis=1)
+    p[POSITION] = np.stack([position_only(prior[user], paths) for user in users])[:, None]
     by_condition = {variant: np.split(x, len(conditions), axis=2) for variant, x in p.items()}
     return [{variant: x[i] for variant, x in by_condition.items()} for i in range(len(conditions))]
 
@@ -189,8 +188,8 @@ def judge_rules(cfg: DictConfig, scenes: SceneSet, out_dir: Path) -> None:
     for rule, by_variant in fit_to_rules(cfg, scenes, versions).items():
         labels = np.stack([[is_valid(cfg, rule, x, z_theta, user) for x in layouts] for user in users])
         p = {v: x.reshape(len(users), len(seeds), *images.shape[:2], -1) for v, x in by_variant.items()}
-        blind = np.stack([position_only(position_prior(cfg, scenes, rule, u), z_theta) for u in users])
-        in_scenes = {v: x[:, :, 0] for v, x in p.items()} | {POSITION: np.repeat(blind[:, None], len(seeds), axis=1)}
+        in_scenes, priors = {v: x[:, :, 0] for v, x in p.items()}, [position_prior(cfg, scenes, rule, u) for u in users]
+        in_scenes[POSITION] = np.stack([position_only(prior, z_theta) for prior in priors])[:, None]
         for variant, p_in_scenes in in_scenes.items():
             estimates = accuracy_estimate(p_in_scenes > DECISION, labels[:, 0], items)
             summary.append({"family": rule, "variant": variant} | estimates | {"valid": labels[:, 0].mean()})
