@@ -89,17 +89,18 @@ class Condition:
 
 
 def judge_disturbances(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> None:
-    """Write disturbances.csv, and examples.npz: the first scene under each disturbance."""
+    """Write disturbances.csv, by_seed.csv for sweeps, and examples.npz: the first scene under each disturbance."""
     conditions, z_theta = draw_conditions(cfg, scenes, pool)
     judged = list(zip(conditions, predict_in_conditions(cfg, conditions, z_theta), strict=True))
     judged += predict_after_label_noise(cfg, scenes, conditions[0], z_theta)
-    summary = [
-        {"corruption": x.corruption, "strength": str(x.strength), "variant": variant}
-        | accuracy_estimate(p > DECISION, x.valid, x.items)
-        for x, predictions in judged
-        for variant, p in predictions.items()
-    ]
+    summary, by_seed = [], []
+    for x, (variant, p) in ((x, one) for x, predictions in judged for one in predictions.items()):
+        key = {"corruption": x.corruption, "strength": str(x.strength), "variant": variant}
+        summary.append(key | accuracy_estimate(p > DECISION, x.valid, x.items))
+        right = ((p > DECISION) == x.valid[:, None]).mean((0, 2, 3))  # (seed,); the blind baseline has one
+        by_seed.append(pd.DataFrame(key | {"seed": list(cfg.protocol.seeds)[: len(right)], "accuracy": right}))
     write_table(out_dir / "disturbances.csv", pd.DataFrame(summary))
+    write_table(out_dir / "by_seed.csv", pd.concat(by_seed, ignore_index=True))
     write_arrays(out_dir / "examples.npz", {f"{x.corruption} {x.strength}": x.images[0] for x in conditions})
 
 
