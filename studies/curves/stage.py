@@ -188,7 +188,7 @@ def by_gradient(
 ) -> tuple[Float[Array, "start point 2"], Bool[Array, " start"]]:
     """Return the nearest accepted point of gradient steps; the last one, where none is accepted."""
     given = points[:, None] if space == CURVES else forced(points[:, None])
-    steps = repair(model, images, given, Ascent(**library.REPAIR | ({"rate": rate} if space == CURVES else {})))
+    steps = repair(model, images, given, Ascent.of(library.REPAIR | ({"rate": rate} if space == CURVES else {})))
     moved = steps.z[:, 0].astype(float)
     curves = points[:, None] + bumps.basis() @ moved if space == CURVES else curve(moved, PATH_SAMPLES)
     away = np.linalg.norm(curves - curves[:, :1], axis=-1).mean(-1)  # (start, step)

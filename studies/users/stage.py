@@ -38,7 +38,7 @@ from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import Margins, valid
 
 IDEAL, TRUTH, RANDOM, TYPICAL = "ideal", "truth", "random_path", "training_mean"  # beside variants and POSITION
-CERTAIN_FLOOR = 1e-6  # clipping of probabilities that are known, not learned
+KNOWN, CERTAIN_FLOOR = (POSITION, IDEAL), 1e-6  # whose probabilities are known, not learned, and their clipping
 MEASURES = "nearest neighbours", "silhouette"  # of clusters by user
 SAME_TABLE = "nearest label"  # the measure of clusters of valid and invalid paths
 HOLDS, FAILS, OPEN = "holds", "fails", "open"
@@ -145,10 +145,9 @@ def named(
     if shown:
         p[NEAREST] = np.stack([nearest_demonstration(*of_user, z_theta) for of_user in shown])[:, None]
     # After Laplace, the n labels that a model was fitted to support no more certainty than (n + 1) / (n + 2).
-    floors = dict.fromkeys([*cfg.variants, NEAREST], 1 / (cfg.scenes.per_seed * cfg.main_n_demos + 2))
-    draws = study.draws, study.paths
+    learned_floor, draws = 1 / (cfg.scenes.per_seed * cfg.main_n_demos + 2), (study.draws, study.paths)
+    floor = {name: CERTAIN_FLOOR if name in KNOWN else learned_floor for name in p}
     labels = labels.reshape(*labels.shape[:-1], *draws)
-    floor = {name: floors.get(name, CERTAIN_FLOOR) for name in p}
     return {name: identify(x.reshape(*x.shape[:-1], *draws), labels, floor[name]) for name, x in p.items()}
 
 
