@@ -63,9 +63,7 @@ TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearan
 REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5}  # conf/repair.yaml
 INFORMATIVE_SCENES, INFORMATIVE_CHANGE = 20, 0.01  # see `effect`
 CURVE_POINTS = 5  # points along a curve that the paper's model reads
-CURVE_PENALTY = (
-    0.9  # gain in log P(valid) that a repair requires per metre along a curve [1/m] (conf/studies/curves.yaml)
-)
+CURVE_PENALTY = 0.9  # gain in log P(valid) that a repair requires per metre along a curve (conf/studies/curves.yaml)
 ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 to 1
 
 
@@ -231,10 +229,8 @@ def effect(
     """
     _check_scenes(images, paths)
     _check_images(images_with_item, "images_with_item")
-    if len(images_with_item) != len(images):
-        raise InputError(
-            f"{len(images_with_item)} images_with_item: expected {len(images)}, one for each of the images"
-        )
+    if (count := len(images_with_item)) != len(images):
+        raise InputError(f"{count} images_with_item: expected {len(images)}, one for each of the images")
     models = list(model) if isinstance(model, Sequence) else [model]
     if not models:
         raise InputError("no model: expected a model or a sequence of models")

@@ -79,13 +79,7 @@ def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
         need_one(f"variants.{name}.stage", settings.get("stage"), FITTED)
         check_variant(cfg, str(name), import_module(f"pipeline.stages.{settings.stage}"))
     for study in map(str, cfg.studies):
-        check(cfg, study, settings_of(study), agree=study in stages)
-
-
-def settings_of(study: str) -> Any:
-    """Return the module with a study's `Settings`."""
-    module = import_module(f"studies.{study}.stage")
-    return module if hasattr(module, "Settings") else import_module(f"studies.{study}.settings")
+        check(cfg, study, import_module(f"studies.{study}.stage"), agree=study in stages)
 
 
 def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
@@ -167,7 +161,7 @@ def main(argv: list[str]) -> int:
         Path(cfg.paths[stage]).mkdir(parents=True, exist_ok=True)
     for study in map(str, cfg.studies):
         try:
-            check(cfg, study, settings_of(study))
+            check(cfg, study, import_module(f"studies.{study}.stage"))
         except InputError as error:
             print(f"note: study {study} will not run: {error}", file=sys.stderr)
     return 0

@@ -1,21 +1,18 @@
 """Attribution: which item caused the rejection of a path, for single scenes, paths and users.
 
 The effect is V = 0. Its possible causes X_j are the presence of item j at its position. The noise of V is held fixed
-(pipeline.causal.scm). The answers are the probabilities of causation of Tian and Pearl (2000; Pearl, 2009, Definitions
-9.2.1 and 9.2.2):
+(pipeline.causal.scm). The answer is a probability of causation of Tian and Pearl (2000; Pearl, 2009, Definition 9.2.1):
 
     PN_j = P(V_{O without j} = 1 | V = 0)             necessity: without j the path would be valid
-    PS_j = P(V_{j alone} = 0 | V_{empty table} = 1)   sufficiency: j on an empty table makes the path invalid
 
-PN refers to the original scene, PS to the scene without all other items. A single cause has PN = PS = 1. Under
-overdetermination two items each forbid the path: PN = 0 and PS = 1 for both.
+A single cause has PN = 1. Under overdetermination two items each forbid the path: PN = 0 for both.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Shaped
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.causal.scm import chance_of_change
@@ -30,30 +27,24 @@ MIN_SCENES = 10  # ... and fewest scenes (Cochran, 1977, Chapter 6)
 
 @dataclass(frozen=True)
 class Removals:
-    """P(valid), or the true validity, in four versions of each scene.
+    """P(valid), or the true validity, in the versions of each scene.
 
-    factual: the original scene; empty: without any item; without: without the item of each slot; alone: with only that
-    item. For a free slot, "without" is the original scene and "alone" the empty table.
+    factual: the original scene; empty: without any item; without: without the item of each slot, for a free slot the
+    original scene.
     """
 
     factual: Float[Array, "*b scene path"]
     empty: Float[Array, "*b scene path"]
     without: Float[Array, "*b scene path slot"]
-    alone: Float[Array, "*b scene path slot"]
 
     @property
     def necessity(self) -> Float[Array, "*b scene path slot"]:
         """Return PN_j; 0 in free slots, NaN if the path cannot be invalid."""
         return chance_of_change(False, self.factual[..., None], self.without)
 
-    @property
-    def sufficiency(self) -> Float[Array, "*b scene path slot"]:
-        """Return PS_j; 0 in free slots, NaN if the path cannot be valid on the empty table."""
-        return chance_of_change(True, self.empty[..., None], self.alone)
-
     def of_seed(self, seed: int) -> "Removals":
         """Return the values of one seed (first axis)."""
-        return Removals(self.factual[seed], self.empty[seed], self.without[seed], self.alone[seed])
+        return Removals(self.factual[seed], self.empty[seed], self.without[seed])
 
 
 @dataclass(frozen=True)
@@ -61,7 +52,7 @@ class Subsets:
     """The distinct versions of several scenes, without duplicates.
 
     scene, kept: each version's scene, and the items that remain in it; index: the version that answers each question
-    (factual, empty, without each slot, each slot alone).
+    (factual, empty, without each slot).
     """
 
     scene: Int[Array, " version"]
@@ -71,25 +62,21 @@ class Subsets:
     def by_question(self, values: Float[Array, "*b version path"]) -> Removals:
         """Return the values of all versions, arranged by question."""
         arranged = np.moveaxis(np.asarray(values, dtype=np.float64)[..., self.index, :], -2, -1)  # question last
-        return Removals(**self._parts(arranged))
+        return Removals(arranged[..., 0], arranged[..., 1], arranged[..., 2:])
 
     def select_scenes(self, values: Array, scenes: list[int]) -> dict[str, Array]:
         """Return the values for each question of these scenes, given one value (such as an image) per version."""
-        return {name: values[part] for name, part in self._parts(self.index[scenes]).items()}
-
-    def _parts(self, x: Shaped[Array, "*b question"]) -> dict[str, Array]:
-        first = 2 + self.kept.shape[1]
-        return {"factual": x[..., 0], "empty": x[..., 1], "without": x[..., 2:first], "alone": x[..., first:]}
+        index = self.index[scenes]
+        return {"factual": values[index[:, 0]], "empty": values[index[:, 1]], "without": values[index[:, 2:]]}
 
 
 def item_subsets(present: Bool[Array, "scene slot"]) -> Subsets:
     """Return the versions needed for scenes with items in the slots that are `present`.
 
-    With two items, the scene without one equals the other item alone; such duplicates are listed once.
+    With one item, the scene without it is empty; such duplicates are listed once.
     """
     scenes, slots = present.shape
-    one = np.eye(slots, dtype=bool)
-    masks = np.concatenate([np.ones((1, slots), bool), np.zeros((1, slots), bool), ~one, one])  # (question, slot)
+    masks = np.concatenate([np.ones((1, slots), bool), np.zeros((1, slots), bool), ~np.eye(slots, dtype=bool)])
     kept = present[:, None] & masks  # (scene, question, slot)
     scene = np.broadcast_to(np.arange(scenes)[:, None, None], (*kept.shape[:2], 1))
     rows = np.concatenate([scene, kept], axis=-1).reshape(-1, 1 + slots)
@@ -130,44 +117,26 @@ def score_attributions(model: Removals, truth: Removals, chances: Mapping[str, A
     - rejected: number of these paths per seed; recall: their share of all truly invalid paths; single: share with a
       single cause.
     - right: how often the model names the single cause; baseline_*: `right` of each baseline in `chances`.
-    - overdetermined_right: without a single cause, how often PN and PS of all items are on the right side of 1/2.
     - empty_rejected: how often the model also rejects the path on the empty table.
 
-    Intervals (ci_low and ci_high of `right`, overdetermined_right_ci_*) are those of `mean_with_interval`.
+    The interval of `right` is over seeds crossed with scenes; NaN below MIN_PAIRS or MIN_SCENES.
     """
     cause, invalid = attribute(truth.necessity), np.broadcast_to(truth.factual == 0, model.factual.shape)
     rejected = invalid & (model.factual <= DECISION)
     if not rejected.any():
         return {"rejected": 0.0}
-    single, several = rejected & (cause != NO_SINGLE_CAUSE), rejected & (cause == NO_SINGLE_CAUSE)
-    same_side = (model.sufficiency > DECISION) == (truth.sufficiency > DECISION)
-    as_true = (same_side & (model.necessity <= DECISION)).all(-1)
+    single, right = rejected & (cause != NO_SINGLE_CAUSE), attribute(model.necessity) == cause
     scores = {"rejected": float(rejected.sum() / len(rejected)), "recall": float(rejected.sum() / invalid.sum())}
-    scores |= {"single": float(single.sum() / rejected.sum())}
-    scores |= mean_with_interval("right", attribute(model.necessity) == cause, single, prefix="")
+    scores |= {"single": float(single.sum() / rejected.sum()), "right": mean(right, single)}
+    scores |= {"ci_low": np.nan, "ci_high": np.nan}
+    count = single.sum(-1)  # (seed, scene)
+    if (count > 0).sum() >= MIN_PAIRS and (count > 0).any(0).sum() >= MIN_SCENES:
+        interval = ratio((single & right).sum(-1).astype(float)[None], count[None].astype(float))
+        scores |= interval.row("right", "ci_low", "ci_high", share=True)
     scores |= {f"baseline_{name}": mean(chance, single) for name, chance in chances.items()}
-    scores |= mean_with_interval("overdetermined_right", as_true, several)
     return scores | {"empty_rejected": mean(model.empty <= DECISION, rejected)}
 
 
 def mean(values: Array, mask: Bool[Array, "*b"]) -> float:
     """Return the mean of `values`, broadcast to `mask`, where it is true; NaN if it is nowhere."""
     return float(np.broadcast_to(values, mask.shape)[mask].mean()) if mask.any() else np.nan
-
-
-def mean_with_interval(
-    name: str, values: Array, mask: Bool[Array, "seed scene *b"], prefix: str | None = None
-) -> dict[str, float]:
-    """Return `mean` and its 95 % interval over seeds crossed with scenes; shares are clipped to [0, 1].
-
-    The bounds, `prefix`ci_low and `prefix`ci_high (default: `name`_), are NaN below MIN_PAIRS or MIN_SCENES.
-    """
-    axes, ends = tuple(range(2, mask.ndim)), np.full(2, np.nan)
-    count = mask.sum(axes)  # (seed, scene)
-    if (count > 0).sum() >= MIN_PAIRS and (count > 0).any(0).sum() >= MIN_SCENES:
-        e = ratio(np.where(mask, values, 0.0).sum(axes)[None], count[None].astype(float))
-        ends = np.array([e.ci_low[0], e.ci_high[0]])
-        ends = ends.clip(0, 1) if values.dtype == bool else ends
-    low, high = ends.tolist()
-    prefix = f"{name}_" if prefix is None else prefix
-    return {name: mean(values, mask), f"{prefix}ci_low": low, f"{prefix}ci_high": high}

@@ -37,23 +37,18 @@ def dose_grid(step: float, doses: int) -> Doses:
     return step * (np.arange(doses) - 0.5)
 
 
-def paths_at_doses(
-    to_added: Clearances, to_others: Clearances, doses: Doses, clear_of_others: float, count: int
-) -> Int[Array, "scene dose count"]:
-    """Return the first `count` paths at each dose that keep `clear_of_others` [m] away from all other items.
+def path_at_doses(
+    to_added: Clearances, to_others: Clearances, doses: Doses, clear_of_others: float
+) -> Int[Array, "scene dose"]:
+    """Return the first path at each dose that keeps `clear_of_others` [m] away from all other items.
 
     to_added: clearance [m] from the added item; to_others: smallest clearance from any other. Within a dose, the paths
-    remain uniformly distributed. A dose with too few paths is missing in its scene (-1); without contact, all doses
-    are.
+    remain uniformly distributed. A dose without a path is missing in its scene (-1); without contact, all doses are.
     """
     dose = np.floor((to_added - doses[0]) / (doses[1] - doses[0]) + 0.5)
-    chosen = np.full((len(to_added), len(doses), count), -1)
-    for k in range(len(doses)):
-        fitting = (dose == k) & (to_others >= clear_of_others)
-        enough = fitting.sum(1) >= count
-        chosen[enough, k] = np.argsort(~fitting[enough], axis=1, kind="stable")[:, :count]
-    chosen[chosen[:, 0, 0] < 0] = -1
-    return chosen
+    fitting = (dose[..., None] == np.arange(len(doses))) & (to_others >= clear_of_others)[..., None]
+    chosen = np.where(fitting.any(1), fitting.argmax(1), -1)
+    return np.where(chosen[:, :1] < 0, -1, chosen)
 
 
 def envelopes(

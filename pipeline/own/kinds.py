@@ -14,7 +14,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 
 from pipeline import library
-from pipeline.causal.envelope import dose_grid, paths_at_doses, radius
+from pipeline.causal.envelope import dose_grid, path_at_doses, radius
 from pipeline.models.clearance.clearance import PATH_SAMPLES
 from pipeline.own.fitting import Fitted
 from pipeline.own.folder import Folder
@@ -199,7 +199,7 @@ def envelopes(fitted: Fitted, added: Mapping[str, Added], folder: Folder, table:
     for kind in table.loc[avoided, "kind"]:
         places = added[kind]
         to_added = _clearance(places.footprint, candidates[places.scene])[..., 0]
-        chosen = paths_at_doses(to_added, to_others[places.scene], doses, CLEAR_OF_OTHERS_M, 1)[..., 0]  # (row, dose)
+        chosen = path_at_doses(to_added, to_others[places.scene], doses, CLEAR_OF_OTHERS_M)  # (row, dose)
         paths = np.take_along_axis(candidates[places.scene], np.maximum(chosen, 0)[..., None, None], axis=1)
         falls = [
             model.probability(places.seen, paths) - model.probability(places.seen_with, paths).astype(float)

@@ -1,7 +1,6 @@
-"""The gripper and what it carries among the items on the table: clearances in three dimensions, and physics in MuJoCo.
+"""The gripper and what it carries among the items on the table, in MuJoCo.
 
-Items stand on the table as upright prisms over their footprints. A carried part is an upright prism over a capsule
-that reaches from its lower edge upwards, so distances between the two are exact.
+Items stand on the table as upright prisms over their footprints. A carried part is an upright prism over a capsule.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.robot.arm import GRIP, Arm
-from pipeline.world.layout import SYMBOLS, Layouts, segment_distance
+from pipeline.world.layout import SYMBOLS, Layouts
 
 STEP_S = 0.002  # of the simulation
 SETTLE_S = 0.5  # time after the movement in which items may still fall
@@ -50,34 +49,6 @@ def gripper_of(arm: Arm) -> Part:
     (x0, y0, z0), (x1, y1, z1) = np.concatenate(corners).min(0), np.concatenate(corners).max(0)
     radius = float(max(-y0, y1))
     return Part(float(min(x0 + radius, 0)), float(max(x1 - radius, 0)), radius, float(-z0), float(z1))
-
-
-def clearances(
-    part: Part,
-    grip: Float[Array, "path instant 3"],
-    heading: Float[Array, "path instant"],
-    layouts: Layouts,
-    side_m: float,
-    heights: Mapping[str, float],
-) -> Float[Array, "path slot"]:
-    """Return the least distance [m] of a part from each item along each path: negative where they overlap.
-
-    grip [m], heading [rad]: in the table's frame, z above its top; layouts: the scene of each path, whose lengths, as
-    `heights` [m] by symbol, are multiplied by `side_m`. inf in empty slots.
-    """
-    along = np.stack([np.cos(heading), np.sin(heading)], -1)
-    ends = np.stack([grip[..., :2] + part.back_m * along, grip[..., :2] + part.front_m * along], -2)
-    lower = grip[..., 2] - part.bottom_m
-    tall = side_m * np.array([*(heights[symbol] for symbol in SYMBOLS), 0.0])[layouts.symbol]  # EMPTY: the last
-    least = np.full(layouts.symbol.shape, np.inf)
-    for slot in range(layouts.symbol.shape[1]):
-        footprint = side_m * layouts.ends[:, slot][:, None]
-        apart = segment_distance(ends, footprint) - part.radius_m - side_m * layouts.radius[:, slot, None]
-        above = lower - tall[:, slot, None]
-        both = np.hypot(np.maximum(apart, 0.0), np.maximum(above, 0.0))
-        distance = np.where((apart < 0) & (above < 0), np.maximum(apart, above), both)
-        least[:, slot] = np.where(layouts.present[:, slot], distance.min(-1), np.inf)
-    return least
 
 
 def simulate(

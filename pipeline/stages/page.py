@@ -22,17 +22,15 @@ def main(argv: list[str]) -> None:
     """Read the study's results and parameters, and write its page with provenance.json."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.stages.page", description=__doc__)
     parser.add_argument("study", help="name of a folder in studies/")
-    parser.add_argument("overrides", nargs="*", metavar="parameter=value")
     parser.add_argument("--params", type=Path, default=PARAMS, metavar="FILE")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: studies/STUDY")
-    given = parser.parse_intermixed_args(argv)
+    given = parser.parse_args(argv)
     folder = Path("studies") / given.study
     if not (folder / "page.html.j2").is_file():
         raise InputError(f"{folder} has no page.html.j2: expected the name of a study with a page")
-    cfg = load(given.params, given.overrides)
-    site, out_dir = render(read_study(cfg, given.study), folder), given.out or folder
-    write_files(site, out_dir)
-    write_provenance(site, out_dir, provenance(cfg))
+    cfg = load(given.params)
+    site = render(read_study(cfg, given.study), folder)
+    write_files(site, folder)
+    write_provenance(site, folder, provenance(cfg))
 
 
 def read_study(cfg: DictConfig, name: str) -> Study:

@@ -24,7 +24,7 @@ from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Pair, Whole, Wholes, need, rising
 from pipeline.stats.crossed import Items, estimate, items_held
 from pipeline.stats.tests import MIN_PAIRS
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW_ITEMS, POOLS, draw_judged_sets, judge, judge_blind, row
+from pipeline.training.judged_sets import HELD_OUT, NEW_ITEMS, POOLS, draw_judged_sets, judge, judge_blind, row
 from pipeline.training.loop import convergence, is_constant
 from pipeline.training.refit import TrainingSet, refit
 
@@ -65,7 +65,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     scenes.check_has(*POOLS.values(), *(train_pool(seed) for seed in cfg.protocol.seeds))
     evaluated = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
     prior = read_position_prior(Path(cfg.paths.scenes))
-    judged_sets = list(draw_judged_sets(cfg, scenes, [FEW], cfg.readings.clear_cm, cfg.users, [*POOLS]))
+    judged_sets = list(draw_judged_sets(cfg, scenes))
     evaluate = partial(_judge_and_check, {pool: scenes.images[pool] for pool in POOLS.values()})
     rows, gates = [], []
     numbers = [n for n in cfg.readings.n_demos if n <= cfg.main_n_demos]

@@ -41,6 +41,11 @@ class Estimates:
     q1: Means  # quartiles over seeds of the mean effect
     q3: Means
 
+    def row(self, *names: str, share: bool = False) -> dict[str, float]:
+        """Return the first question's mean and 95 % interval under three names; a share's interval is within [0, 1]."""
+        ends = [float(x[0].clip(0, 1) if share else x[0]) for x in (self.ci_low, self.ci_high)]
+        return dict(zip(names or ("mean", "ci_low", "ci_high"), (float(self.effect[0]), *ends), strict=True))
+
 
 def estimate(effects: Effects, skewed: bool = False, items: Items = None) -> Estimates:
     """Return each question's mean effect with Student's intervals and p-value, from the error of `crossed_error`.

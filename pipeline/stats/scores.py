@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from sklearn.metrics import brier_score_loss, roc_auc_score
 
-from pipeline.stats.crossed import Estimates, Items, estimate, ratio
+from pipeline.stats.crossed import Items, estimate, ratio
 
 DECISION = 0.5  # threshold on p above which a path is accepted
 
@@ -60,15 +60,11 @@ def accuracy_estimate(accepted: Accepted, valid: Valid, items: Items) -> dict[st
     Both have a 95 % interval over seeds crossed with scenes, and with their `items` if these are chance. If every path
     is valid, `unsafe` is NaN.
     """
-
-    def within_0_and_1(e: Estimates) -> list[float]:
-        return [float(np.clip(x[0], 0, 1)) for x in (e.effect, e.ci_low, e.ci_high)]
-
-    accuracy = within_0_and_1(estimate((accepted == valid[:, None]).mean((0, 3))[None], items=items))
-    unsafe = [np.nan] * 3
+    right, names = (accepted == valid[:, None]).mean((0, 3)), ("unsafe", "unsafe_ci_low", "unsafe_ci_high")
+    row = estimate(right[None], items=items).row("accuracy", "ci_low", "ci_high", share=True)
+    row |= dict.fromkeys(names, np.nan)
     if not valid.all():
         parts = (accepted & ~valid[:, None]).sum((0, 3)).astype(float)  # (seed, scene)
         wholes = np.broadcast_to((~valid).sum((0, 2)), parts.shape).astype(float)
-        unsafe = within_0_and_1(ratio(parts[None], wholes[None], items))
-    names = ("accuracy", "ci_low", "ci_high", "unsafe", "unsafe_ci_low", "unsafe_ci_high")
-    return dict(zip(names, [*accuracy, *unsafe], strict=True))
+        row |= ratio(parts[None], wholes[None], items).row(*names, share=True)
+    return row

@@ -1,10 +1,10 @@
 """Demonstrations as people may give them, with more paths of the same kind that judge a fitted model.
 
-A kind of paths has routes (any, or few families) and a least distance from the boundary of validity. In each scene half
-of the paths are valid where it allows that.
+Paths have few families of routes; a kind of them keeps a least distance from the boundary of validity. In each scene
+half of the paths are valid where it allows that.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -22,13 +22,12 @@ from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION
 from pipeline.training.loop import TrainingSet
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.rules import Candidates, Margins
+from pipeline.world.rules import Candidates
 
-ANY, FEW = ROUTES = "any", "few"
-OWN, HELD_OUT, NEW = "demonstrations", "held_out", "new_scenes"  # splits: its own, others on its tables, new tables
+FEW = "few"  # routes, in tables and in names of random streams
+OWN, HELD_OUT = "demonstrations", "held_out"  # splits: its own paths, others on its tables
 NEW_ITEMS = "new_items"  # new tables with unseen items
-NEW_POOL = "val_scenes"
-POOLS = {NEW: NEW_POOL, NEW_ITEMS: "val_items"}
+POOLS = {"new_scenes": "val_scenes", NEW_ITEMS: "val_items"}
 Labelled = tuple[Float[Array, "scene path 2"], Bool[Array, "scene path"]]
 
 
@@ -36,7 +35,6 @@ Labelled = tuple[Float[Array, "scene path 2"], Bool[Array, "scene path"]]
 class JudgedSet(TrainingSet):
     """Demonstrations of one kind, and labelled paths of the same kind by split."""
 
-    routes: str
     clear_cm: int
     judged: dict[str, Labelled]
 
@@ -44,7 +42,7 @@ class JudgedSet(TrainingSet):
     def key(self) -> dict[str, str | int]:
         """Return what distinguishes it from others, as columns of a table."""
         n = self.z_theta.shape[1]
-        return {"routes": self.routes, "clear_cm": self.clear_cm, "n_demos": n, "user": self.user, "seed": self.seed}
+        return {"routes": FEW, "clear_cm": self.clear_cm, "n_demos": n, "user": self.user, "seed": self.seed}
 
     def first(self, n: int) -> "JudgedSet":
         """Return it with only the first `n` demonstrations of each scene; the other paths stay."""
@@ -52,45 +50,35 @@ class JudgedSet(TrainingSet):
         return replace(self, z_theta=own[0], valid=own[1], judged=self.judged | {OWN: own})
 
 
-def draw_judged_sets(
-    cfg: DictConfig,
-    scenes: SceneSet,
-    routes: Sequence[str],
-    distances: Sequence[int],
-    users: Mapping[str, Margins],
-    splits: Sequence[str] = (NEW,),
-) -> Iterator[JudgedSet]:
-    """Yield the users' main_n_demos demonstrations of every kind in each seed's scenes, with the paths that judge them.
+def draw_judged_sets(cfg: DictConfig, scenes: SceneSet) -> Iterator[JudgedSet]:
+    """Yield main_n_demos demonstrations of every kind and user in each seed's scenes, with the paths that judge them.
 
-    distances: [cm] from the boundary of validity. Users and distances share candidates (conf/readings.yaml), so that
-    kinds differ by nothing else. splits: of POOLS, those beside the paths on their own tables.
+    Kinds and users share candidates (conf/readings.yaml), so that they differ by nothing else.
     """
     readings, n = cfg.readings, cfg.main_n_demos
 
-    def candidates(pool: str, kind: str) -> Candidates:
+    def candidates(pool: str) -> Candidates:
         layouts = scenes.layouts[pool]
-        rng, shape = stream(readings.root_seed, kind, pool), (len(layouts), readings.candidates)
-        z = random_z_theta(rng, *shape)
-        if kind == FEW:
-            centre = np.array(readings.families, float)[rng.integers(len(readings.families), size=shape)]
-            bearing, reach = rng.uniform(-np.pi, np.pi, shape), readings.family_radius * np.sqrt(rng.random(shape))
-            z = centre + reach[..., None] * np.stack([np.cos(bearing), np.sin(bearing)], -1)
-        return Candidates.of(layouts, z)
+        rng, shape = stream(readings.root_seed, FEW, pool), (len(layouts), readings.candidates)
+        random_z_theta(rng, *shape)  # paths of any route, which nobody asks for: without them all numbers would change
+        centre = np.array(readings.families, float)[rng.integers(len(readings.families), size=shape)]
+        bearing, reach = rng.uniform(-np.pi, np.pi, shape), readings.family_radius * np.sqrt(rng.random(shape))
+        around = np.stack([np.cos(bearing), np.sin(bearing)], -1)
+        return Candidates.of(layouts, centre + reach[..., None] * around)
 
-    for kind in routes:
-        new = {split: candidates(POOLS[split], kind) for split in splits}
-        for seed in cfg.protocol.seeds:
-            pool = train_pool(seed)
-            here = candidates(pool, kind)
-            for clear_cm, (user, margins) in product(distances, users.items()):
-                clear = margins, clear_cm / 100
-                draw = partial(stream, readings.root_seed, "choose")
-                z, valid = here.choose(draw(pool, user, clear_cm), *clear, n + readings.held_out)
-                own = z[:, :n], valid[:, :n]
-                judged = {OWN: own, HELD_OUT: (z[:, n:], valid[:, n:])}
-                for split, some in new.items():
-                    judged[split] = some.choose(draw(POOLS[split], user, clear_cm), *clear, readings.held_out)
-                yield JudgedSet(user, seed, scenes.images[pool], *own, kind, clear_cm, judged)
+    drawn = {split: (pool, candidates(pool)) for split, pool in POOLS.items()}
+    for seed in cfg.protocol.seeds:
+        pool = train_pool(seed)
+        here = candidates(pool)
+        for clear_cm, (user, margins) in product(readings.clear_cm, cfg.users.items()):
+            clear = margins, clear_cm / 100
+            draw = partial(stream, readings.root_seed, "choose")
+            z, valid = here.choose(draw(pool, user, clear_cm), *clear, n + readings.held_out)
+            own = z[:, :n], valid[:, :n]
+            judged = {OWN: own, HELD_OUT: (z[:, n:], valid[:, n:])}
+            for split, (name, some) in drawn.items():
+                judged[split] = some.choose(draw(name, user, clear_cm), *clear, readings.held_out)
+            yield JudgedSet(user, seed, scenes.images[pool], *own, clear_cm, judged)
 
 
 def judge(

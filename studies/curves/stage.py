@@ -4,7 +4,6 @@ Users and tables are those of the paper's experiment, with new demonstrations: B
 same ends, followed by the same hands. The clearance model is fitted to both, and judged by the truth of the curves.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -76,7 +75,7 @@ class Answer(NamedTuple):
     """What one model says of all versions of the scenes, and its repairs."""
 
     p: Float[Array, "version scene path"]
-    repairs: list[dict]
+    repairs: pd.DataFrame  # a row for each method and start
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -89,22 +88,20 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     labels = np.stack([[is_valid(x, points, cfg.users[u]) for x in versions.layouts] for u in users])
     sets, residuals = demonstrations(cfg, scenes)
     starts = {u: invalid_starts(cfg, versions.layouts[0], points, v[0], u) for u, v in zip(users, labels, strict=True)}
-    paths = {CURVES: points, PARABOLAS: forced(points)}
-    answers, tables = {}, {"fits": residuals, "accuracy": [], "verdicts": [], "repairs": []}
-    for space in SPACES:
-        ask = partial(answer, cfg, versions, space, paths[space], starts)
-        answers[space] = refit(cfg, {VARIANT: sets[space]}, ask, space)[VARIANT]
-        p = np.stack([one.p for one in answers[space]]).reshape(len(users), -1, *answers[space][0].p.shape)
-        held = items_held(versions.layouts[0].item, versions.layouts[0].symbol)
+    held = items_held(versions.layouts[0].item, versions.layouts[0].symbol)
+    accuracy, judged, repairs = [], [], []
+    for space, paths in ((CURVES, points), (PARABOLAS, forced(points))):
+        ask = partial(answer, cfg, versions, space, paths, starts)
+        answers = refit(cfg, {VARIANT: sets[space]}, ask, space)[VARIANT]
+        p = np.stack([one.p for one in answers]).reshape(len(users), -1, *answers[0].p.shape)
         estimate = accuracy_estimate(p[:, :, 0] > DECISION, labels[:, 0], held)
-        tables["accuracy"].append({"space": space} | estimate | {"valid": labels[:, 0].mean()})
-        tables["verdicts"].append(verdicts(users, p, labels, versions.layouts).assign(space=space))
-        tables["repairs"] += [row | {"space": space} for one in answers[space] for row in one.repairs]
-    tables["accuracy"] = pd.DataFrame(tables["accuracy"])
-    tables["verdicts"] = pd.concat(tables["verdicts"], ignore_index=True)
-    tables["repairs"] = summary(pd.DataFrame(tables["repairs"]))
-    for name, table in tables.items():
-        write_table(out_dir / f"{name}.csv", table)
+        accuracy.append({"space": space} | estimate | {"valid": labels[:, 0].mean()})
+        judged.append(verdicts(users, p, labels, versions.layouts).assign(space=space))
+        repairs += [one.repairs.assign(space=space) for one in answers]
+    write_table(out_dir / "fits.csv", residuals)
+    write_table(out_dir / "accuracy.csv", pd.DataFrame(accuracy))
+    write_table(out_dir / "verdicts.csv", pd.concat(judged, ignore_index=True))
+    write_table(out_dir / "repairs.csv", summary(pd.concat(repairs, ignore_index=True)))
     first = sets[CURVES][0]
     shown = {"image": first.images[0], "curves": first.z_theta[0], "valid": first.valid[0]}
     write_arrays(out_dir / "shown.npz", shown | {"parabolas": curve(sets[PARABOLAS][0].z_theta[0], PATH_SAMPLES)})
@@ -176,16 +173,14 @@ def answer(
     tried = {GRADIENT: by_gradient(model, images, space, own.points, study.rate)}
     if space == CURVES:
         tried[SEARCH] = by_search(model, images[: study.searched], own.points[: study.searched], study.distance_penalty)
-    rows = []
+    tables = []
     for method, (ends, accepted) in tried.items():
         count = len(ends)
         truth = is_valid(layouts[:count], ends[:, None], margins)[:, 0]
         moved = np.linalg.norm(ends - own.points[:count], axis=-1).mean(-1)
-        columns = own.scene[:count], truth, accepted, moved, own.oracle_m[:count]
-        names = "scene", "valid_end", "accepted", "moved_m", "oracle_m"
-        key = {"user": training_set.user, "seed": training_set.seed, "method": method}
-        rows += [key | dict(zip(names, row, strict=True)) for row in zip(*(c.tolist() for c in columns), strict=True)]
-    return Answer(p, rows)
+        columns = {"method": method, "valid_end": truth, "accepted": accepted, "moved_m": moved}
+        tables.append(pd.DataFrame(columns | {"oracle_m": own.oracle_m[:count]}))
+    return Answer(p, pd.concat(tables))
 
 
 def by_gradient(
@@ -193,13 +188,9 @@ def by_gradient(
 ) -> tuple[Float[Array, "start point 2"], Bool[Array, " start"]]:
     """Return the nearest accepted point of gradient steps; the last one, where none is accepted."""
     given = points[:, None] if space == CURVES else forced(points[:, None])
-    steps = repair(
-        model, images, given, Ascent(**{**library.REPAIR, "rate": rate} if space == CURVES else library.REPAIR)
-    )
-    if space == CURVES:
-        curves = points[:, None] + bumps.basis() @ steps.z[:, 0].astype(float)
-    else:
-        curves = curve(steps.z[:, 0].astype(float), PATH_SAMPLES)
+    steps = repair(model, images, given, Ascent.of(library.REPAIR | ({"rate": rate} if space == CURVES else {})))
+    moved = steps.z[:, 0].astype(float)
+    curves = points[:, None] + bumps.basis() @ moved if space == CURVES else curve(moved, PATH_SAMPLES)
     away = np.linalg.norm(curves - curves[:, :1], axis=-1).mean(-1)  # (start, step)
     accepted = steps.p[:, 0] > library.ACCEPTED_ABOVE
     chosen = np.where(accepted.any(1), np.where(accepted, away, np.inf).argmin(1), -1)
@@ -219,14 +210,13 @@ def by_search(
 
 def summary(repairs: pd.DataFrame) -> pd.DataFrame:
     """Return for each space and method the shares of valid and unsafe repairs, and displacement over the oracle's."""
-    rows: Sequence[dict] = []
-    for (space, method), part in repairs.groupby(["space", "method"], sort=False):
-        possible = part[part["oracle_m"] > SLIDE_M]
-        ratio = possible["moved_m"].sum() / possible["oracle_m"].sum()
-        unsafe = float((part["accepted"] & ~part["valid_end"]).mean())
-        row = {"space": space, "method": method, "starts": len(part), "success": float(part["valid_end"].mean())}
-        rows = [*rows, row | {"displacement_ratio": float(ratio), "unsafe": unsafe}]
-    return pd.DataFrame(rows)
+    possible = repairs["oracle_m"] > SLIDE_M
+    repairs = repairs.assign(unsafe=repairs["accepted"] & ~repairs["valid_end"])
+    repairs = repairs.assign(moved=repairs["moved_m"].where(possible), oracle=repairs["oracle_m"].where(possible))
+    groups = repairs.groupby(["space", "method"], sort=False)
+    table = groups.agg(starts=("valid_end", "size"), success=("valid_end", "mean"))
+    table["displacement_ratio"] = groups["moved"].sum() / groups["oracle"].sum()
+    return table.assign(unsafe=groups["unsafe"].mean()).reset_index()
 
 
 if __name__ == "__main__":

@@ -1,17 +1,16 @@
-"""Stage fairness: was the paper's model short of tables, of a better encoder, or of kinder demonstrations?
+"""Stage fairness: was the paper's model short of tables, of a better encoder, or of one model for all users?
 
-More tables: the model is fitted to more scenes, and its classifier to the true items in place of an encoder. Scenes and
-random paths are this study's own; fewer scenes are the first ones. Kinds of demonstrations: in the scenes of stage
-scenes, paths have any or few routes and keep a distance from the boundary of validity. Half of all paths are valid.
+The model is fitted to more scenes, its classifier to the true items in place of an encoder, and once with the user as
+an input. Scenes and random paths are this study's own; fewer scenes are the first ones. Half of all paths are valid.
 Steps, rate and width are those of stage train.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,8 +20,8 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 from torch import nn
 
-from pipeline.artifacts.files import read_table, write_arrays, write_table
-from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
+from pipeline.artifacts.files import read_table, write_table
+from pipeline.artifacts.scenes import read_position_prior
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel, to_tensor, untrained
@@ -30,22 +29,22 @@ from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights, classification, equation_1
 from pipeline.runtime.parallel import map_jobs
-from pipeline.runtime.settings import Count, Counts, Several, StudyGroup, Whole, Wholes, need
+from pipeline.runtime.settings import Count, Counts, Several, StudyGroup, Whole, need
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.scores import accuracy
-from pipeline.training import judged_sets
-from pipeline.training.judged_sets import NEW, NEW_POOL, OWN, ROUTES, draw_judged_sets
-from pipeline.training.loop import Losses, Schedule, minimise, need_finite
-from pipeline.training.refit import TrainingSet, refit
+from pipeline.training.loop import Losses, Schedule, TrainingSet, minimise, need_finite
+from pipeline.training.refit import refit
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
+from pipeline.world.catalogue import random_scenes
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
 from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import Candidates
 
 MODEL, PERFECT = "full", "perfect"  # the paper's model; its classifier on the true items
 JOINT = "joint"  # the paper's model with the user as an input: one for all users
 SEARCHED = "docs/decisions/data/search_best.csv"  # every learner's best of 100 settings (record 026)
-SEEN = "seen_scenes"  # split: other paths in training scenes
+OWN, SEEN, NEW = "demonstrations", "seen_scenes", "new_scenes"  # splits: its own, other paths there, new tables
+KEY = ["learner", "scenes", "split"]
 LENGTH_UNIT_M = 0.1  # unit of an item's size in its true code [m]
 
 
@@ -57,8 +56,6 @@ class Settings(StudyGroup):
     seen_scenes: Count
     new_scenes: Several
     paths: Count
-    clear_cm: Wholes
-    kinds_seeds: Several
 
 
 def agree(study: Settings, parameters: Any) -> None:
@@ -72,8 +69,7 @@ def agree(study: Settings, parameters: Any) -> None:
     need(study.seen_scenes <= fewest, f"{name}.seen_scenes", study.seen_scenes, f"at most {fewest}, as in `scenes`")
 
 
-@dataclass(frozen=True)
-class Labelled:
+class Labelled(NamedTuple):
     """Scenes as a learner takes them (images, or true codes), with one user's labelled paths [m]."""
 
     scenes: UInt8[Array, "scene 100 100 3"] | Float[Array, "scene number"]
@@ -82,12 +78,10 @@ class Labelled:
 
 
 @dataclass(frozen=True)
-class Case:
-    """A training set of one user for a learner: `judged[OWN]` is what it is fitted to, all splits judge it."""
+class Case(TrainingSet):
+    """A training set of one user for a learner; `images` are true codes for PERFECT. All splits judge it, OWN too."""
 
     learner: str
-    user: str
-    seed: int
     judged: dict[str, Labelled]
 
     def accuracies(self, probability: Callable[[Labelled], Array]) -> dict[str, float]:
@@ -100,63 +94,32 @@ class Case:
         return key | {"accuracy": right, "valid": self.judged[split].valid.mean()}
 
 
-@dataclass(frozen=True)
-class CaseSet(TrainingSet):
-    """A case of the paper's model, as `refit` takes it."""
-
-    case: Case
-
-
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write scenes.csv, kinds.csv, examples.npz and searched.csv.
-
-    examples.npz: demonstrations of each kind in the first scene; searched.csv: the result of a finished search.
-    """
-    scenes, prior = read_scenes(Path(cfg.paths.scenes)), read_position_prior(Path(cfg.paths.scenes))
-    scenes.check_has(NEW_POOL, *(train_pool(seed) for seed in cfg.protocol.seeds))
-    cases, users = draw_cases(cfg), {user: cfg.users[user] for user in cfg.evaluate.users}
-    shown = list(draw_judged_sets(cfg, scenes, ROUTES, cfg.studies.fairness.clear_cm, users))
-
-    # Fit the paper's model to all of its training sets at once, the largest first: they take longest.
-    fitted = [(c, c.judged[OWN]) for c in cases if c.learner == MODEL]
-    of_model = [CaseSet(c.user, c.seed, own.scenes, own.z_theta, own.valid, c) for c, own in fitted]
-    of_model.sort(key=lambda x: -len(x.images))
-    few_seeds = list(cfg.protocol.seeds)[: cfg.studies.fairness.kinds_seeds]
-    of_kinds = [x for x in shown if x.seed in few_seeds]
-    evaluate = partial(judge_either, {NEW_POOL: scenes.images[NEW_POOL]})
-    answers = refit(cfg, {MODEL: [*of_model, *of_kinds]}, evaluate, "fairness")[MODEL]
-    heads = [c for c in cases if c.learner == PERFECT]
-    head_answers = map_jobs(partial(fit_head, cfg), heads, cfg.workers, "perfect encoder")
-    joint = [[c for c in cases if (c.learner, c.seed) == (JOINT, seed)] for seed in {c.seed: None for c in cases}]
-    joint_answers = map_jobs(partial(fit_joint, cfg), joint, cfg.workers, "joint model")
-
-    judged = zip([x.case for x in of_model] + heads, answers[: len(of_model)] + head_answers, strict=True)
-    judged = [*judged, *((c, a) for of in zip(joint, joint_answers, strict=True) for c, a in zip(*of, strict=True))]
-    judged = [(c, by_split) for c, by_split in judged if c.user in users]
-    rows = [c.row(c.learner, len(c.judged[OWN].valid), *one) for c, by_split in judged for one in by_split.items()]
+    """Write scenes.csv, accuracies with quartiles over seeds, and searched.csv, the result of a finished search."""
+    cases, prior = draw_cases(cfg), read_position_prior(Path(cfg.paths.scenes))
+    of_model, heads, joint = ([c for c in cases if c.learner == learner] for learner in (MODEL, PERFECT, JOINT))
+    of_model.sort(key=lambda case: -len(case.images))  # the largest first: they take longest
+    answers = refit(cfg, {MODEL: of_model}, judge, "fairness")[MODEL]
+    answers += map_jobs(partial(fit_head, cfg), heads, cfg.workers, "perfect encoder")
+    by_seed = [[c for c in joint if c.seed == seed] for seed in dict.fromkeys(c.seed for c in joint)]
+    for of_seed in map_jobs(partial(fit_joint, cfg), by_seed, cfg.workers, "joint model"):
+        answers += of_seed
+    judged = zip([*of_model, *heads, *(c for of_seed in by_seed for c in of_seed)], answers, strict=True)
+    judged = [(case, by_split) for case, by_split in judged if case.user in cfg.evaluate.users]
+    rows = [c.row(c.learner, len(c.images), *one) for c, by_split in judged for one in by_split.items()]
     table = pd.DataFrame([*rows, *blind_rows(heads, prior)])
-    write_table(out_dir / "scenes.csv", summarise(table, ["learner", "scenes", "split"]))
-
-    rows = [blind for x in shown for blind in judged_sets.judge_blind(prior[x.user], x)]
-    judged = zip(of_kinds, answers[len(of_model) :], strict=True)
-    rows += [judged_sets.row(x, MODEL, split, right) for x, by_split in judged for split, right in by_split.items()]
-    write_table(out_dir / "kinds.csv", summarise(pd.DataFrame(rows), ["routes", "clear_cm", "split", "variant"]))
-    first = [x for x in shown if (x.user, x.seed) == (shown[0].user, shown[0].seed)]
-    examples = {"z_theta": np.stack([x.z_theta[0] for x in first]), "valid": np.stack([x.valid[0] for x in first])}
-    names = np.array([f"{x.routes} {x.clear_cm}" for x in first])
-    write_arrays(out_dir / "examples.npz", {"names": names, "image": first[0].images[0], **examples})
-
+    means = table.groupby([*KEY, "seed"], sort=False)[["accuracy", "valid"]].mean().groupby(KEY, sort=False)
+    quartiles = means["accuracy"].quantile([0.25, 0.75]).unstack().set_axis(["q1", "q3"], axis=1)
+    summary = means["accuracy"].mean().to_frame().join(quartiles)
+    summary = summary.assign(valid=means["valid"].mean(), seeds=means.size())
+    write_table(out_dir / "scenes.csv", summary.reset_index())
     write_table(out_dir / "searched.csv", read_table(Path(SEARCHED)))
 
 
-def judge_either(images: Mapping[str, Array], model: ValidityModel, x: TrainingSet) -> dict:
-    """Return the model's accuracy in each split of a case, or in each scene of those of a kind of demonstrations."""
-    if isinstance(x, CaseSet):
-        return x.case.accuracies(lambda labelled: model.probability(labelled.scenes, labelled.z_theta))
-    return judged_sets.judge(images, model, x)
-
-
-# More tables, and a perfect encoder
+def judge(model: ValidityModel, case: TrainingSet) -> dict[str, float]:
+    """Return the model's accuracy in each split of a case."""
+    assert isinstance(case, Case)
+    return case.accuracies(lambda x: model.probability(x.scenes, x.z_theta))
 
 
 def draw_cases(cfg: DictConfig) -> list[Case]:
@@ -180,7 +143,7 @@ def draw_cases(cfg: DictConfig) -> list[Case]:
             judges[NEW] = Labelled(there, new_z[:, n:], new_valid[:, n:])
             for count in numbers:
                 own = Labelled(here[:count], z[:count, :n], valid[:count, :n])
-                cases.append(Case(learner, user, seed, {OWN: own} | judges))
+                cases.append(Case(user, seed, *own, learner, {OWN: own} | judges))
     return cases
 
 
@@ -191,12 +154,10 @@ def draw_scenes(cfg: DictConfig, order: tuple[str, int, int]) -> tuple[Candidate
     """
     name, count, pictures = order
     catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
-    study, rules = cfg.studies.fairness, LayoutRules.of(cfg.scenes.layout)
-    rng = stream(study.root_seed, "scenes", name)
-    layouts = random_layouts(rng, count, catalogue.footprints, catalogue.pool("train"), rules)
-    textures, seeds = rng.choice(catalogue.texture_names("train"), count), rng.integers(2**31, size=count)
-    first = slice(pictures)
-    images = render_scenes(layouts[first], list(textures[first]), seeds[first].tolist(), palette)
+    study, rng = cfg.studies.fairness, stream(cfg.studies.fairness.root_seed, "scenes", name)
+    layouts, looks = random_scenes(rng, count, catalogue, "train", LayoutRules.of(cfg.scenes.layout))
+    textures, seeds = (looks[column].tolist()[:pictures] for column in ("texture", "render_seed"))
+    images = render_scenes(layouts[:pictures], textures, seeds, palette)
     return Candidates.of(layouts, random_z_theta(rng, count, study.candidates)), images
 
 
@@ -277,29 +238,11 @@ def fit_joint(cfg: DictConfig, cases: list[Case]) -> list[dict[str, float]]:
 def blind_rows(cases: list[Case], prior: dict[str, Float[Array, "side side"]]) -> Iterator[dict]:
     """Yield the accuracies of both image-blind baselines, for which the number of scenes is 0: any will do."""
     for case in {(case.user, case.seed): case for case in cases}.values():
-        own, seen = case.judged[OWN], case.judged[SEEN]
-        blind = {(POSITION, s): partial(baselines.position_only_of_half, prior[case.user]) for s in case.judged}
-        few = slice(len(seen.valid))
-        blind[NEAREST, SEEN] = partial(baselines.nearest_demonstration, own.z_theta[few], own.valid[few])
-        for (name, split), probability in blind.items():
-            x = case.judged[split]
-            if split != OWN:
-                yield case.row(name, 0, split, accuracy(probability(x.z_theta).ravel(), x.valid.ravel()))
-
-
-def summarise(table: pd.DataFrame, key: list[str]) -> pd.DataFrame:
-    """Return mean accuracy (over users) by `key`, with quartiles over seeds; of variants also the lead over NEAREST."""
-    by_seed = table.groupby([*key, "seed"], sort=False)[["accuracy", "valid"]].mean().reset_index()
-    first, third = partial(pd.Series.quantile, q=0.25), partial(pd.Series.quantile, q=0.75)
-    columns: dict[str, Any] = {"accuracy": ("accuracy", "mean"), "q1": ("accuracy", first), "q3": ("accuracy", third)}
-    if "variant" in key:
-        pairs = [name for name in [*key, "seed"] if name != "variant"]
-        nearest = by_seed[by_seed["variant"] == NEAREST][[*pairs, "accuracy"]]
-        by_seed = by_seed.merge(nearest, on=pairs, how="left", suffixes=("", "_of_nearest"))
-        by_seed["lead"] = by_seed["accuracy"] - by_seed["accuracy_of_nearest"]
-        columns |= {"lead": ("lead", "mean"), "lead_q1": ("lead", first), "lead_q3": ("lead", third)}
-    columns |= {"valid": ("valid", "mean"), "seeds": ("seed", "size")}
-    return by_seed.groupby(key, sort=False).agg(**columns).reset_index()
+        few, z_theta = slice(len(case.judged[SEEN].valid)), {split: case.judged[split].z_theta for split in (SEEN, NEW)}
+        p = {(POSITION, s): baselines.position_only_of_half(prior[case.user], z) for s, z in z_theta.items()}
+        p[NEAREST, SEEN] = baselines.nearest_demonstration(case.z_theta[few], case.valid[few], z_theta[SEEN])
+        for (name, split), each in p.items():
+            yield case.row(name, 0, split, accuracy(each.ravel(), case.judged[split].valid.ravel()))
 
 
 if __name__ == "__main__":

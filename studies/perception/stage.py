@@ -2,13 +2,13 @@
 
 It judges the segmenter, without and with a picture of the empty table, by the items it finds, and by the accuracy of
 stage clearance's models, which were fitted in the drawn world. On path-traced tables it also judges their verdicts on
-added items, and the search for the nearest valid path. The truth is that of the users' rules on true footprints.
+added items. The truth is that of the users' rules on true footprints.
 """
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,13 +33,10 @@ from pipeline.models.clearance.clearance import pack
 from pipeline.models.trained import load_model
 from pipeline.perception.empty import empty_table
 from pipeline.perception.objects import SUPERSAMPLING, Objects, detect_objects, fit_capsule
-from pipeline.planning.nearest import by_percept, nearest
-from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Group, Some, StudyGroup, Whole, need, need_one
 from pipeline.runtime.streams import stream
-from pipeline.stats.crossed import items_held
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SIDE, point_segment_distance
@@ -56,10 +53,6 @@ ALL = "all"  # stands for every table top, or for the mean over users
 FOUND_IOU = 0.5  # intersection over union from which an item counts as found
 MIN_VISIBLE_PX = 12  # items with fewer visible pixels are neither asked for nor made up
 FINE = 2  # points per pixel along each axis on which areas are compared
-SEARCH = [
-    "user", "seeds", "starts", "success", "success_q1", "success_q3", "success_ci_low", "success_ci_high",
-    "displacement_ratio", "unsafe",
-]  # fmt: skip
 
 Models = Mapping[tuple[str, int], ValidityModel]  # by user and seed
 
@@ -89,62 +82,55 @@ def agree(study: Settings, parameters: Any) -> None:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write families.csv, summary.csv and examples.npz of composites.
+    """Write families.csv, summary.csv and examples.npz of composites, and arrangements.csv.
 
-    Of clearance models, write accuracy.csv, verdicts.csv, search.csv and metrics.json.
+    Of clearance models, write accuracy.csv, verdicts.csv and metrics.json.
     """
     study = cfg.studies.perception
-    items, examples = on_composites(cfg)
+    items, arranged, examples = on_families(cfg)
     write_table(out_dir / "families.csv", recall(items, ["kind", "family", "detector"]))
     write_table(out_dir / "summary.csv", recall(items, ["kind", "detector"]))
     write_arrays(out_dir / "examples.npz", examples)
-    write_table(out_dir / "arrangements.csv", recall(on_arrangements(cfg), ["kind", "detector"]))
+    write_table(out_dir / "arrangements.csv", recall(arranged, ["kind", "detector"]))
     parts = map_jobs(partial(on_tables, cfg), list(study.rendered), cfg.workers, "path-traced splits")
-    transfer = Transfer(*(pd.concat(tables, ignore_index=True) for tables in zip(*parts, strict=True)))
-    accuracy = mean_accuracy(pd.concat([baselines(cfg), transfer.accuracy], ignore_index=True))
+    right, verdicts = (pd.concat(tables, ignore_index=True) for tables in zip(*parts, strict=True))
+    accuracy = mean_accuracy(pd.concat([baselines(cfg), right], ignore_index=True))
     write_table(out_dir / "accuracy.csv", accuracy)
-    write_table(out_dir / "verdicts.csv", transfer.verdicts)
-    write_table(out_dir / "search.csv", transfer.search)
-    shown = headlines(study.headlines, accuracy, transfer.verdicts)
+    write_table(out_dir / "verdicts.csv", verdicts)
+    shown = headlines(study.headlines, accuracy, verdicts)
     write_json(out_dir / "metrics.json", {"transfer": {"clearance": shown}})
 
 
 # Composites: which items are found
 
 
-def on_composites(cfg: DictConfig) -> tuple[pd.DataFrame, dict[str, Array]]:
-    """Return the items of new composites with the overlap of each detector's object, and a picture of each family."""
+def on_families(cfg: DictConfig) -> tuple[pd.DataFrame, pd.DataFrame, dict[str, Array]]:
+    """Return the items of new composites with the overlap of each detector's object, those of arrangements, pictures.
+
+    Arrangements are of one table of each family under a fixed camera, by how the empty table is known. Pictures are
+    one of each family, with the segmenter's outlines.
+    """
     study, palette = cfg.studies.perception, read_palette(cfg.paths.data)
-    parts, examples = [], {}
+    on_composites, on_arrangements, examples = [], [], {}
     for family in tqdm(FAMILIES, desc="families"):
-        composites = draw_composites(stream(study.root_seed, "perception", family), study.pictures, [family], palette)
-        images, empty = to_tensor(composites.images), to_tensor(composites.empty)
-        for name, detect in DETECTORS.items():
-            objects = detect(images, empty)
-            table = found_items(objects, composites.instances)
-            parts.append(table.assign(kind=FAMILIES[family].kind, family=family, detector=name))
-            if name == "segmenter":
-                examples[f"{family}.{name}.ends"] = objects.ends[:1]
-                examples[f"{family}.{name}.radius"] = np.where(objects.present, objects.radius, np.nan)[:1]
-        examples[f"{family}.image"] = composites.images[:1]
-    return pd.concat(parts, ignore_index=True), examples
+        key = {"kind": FAMILIES[family].kind, "family": family}
+        drawn = draw_composites(stream(study.root_seed, "perception", family), study.pictures, [family], palette)
+        objects = {name: detect(to_tensor(drawn.images), to_tensor(drawn.empty)) for name, detect in DETECTORS.items()}
+        on_composites += [found_items(x, drawn.instances).assign(**key, detector=name) for name, x in objects.items()]
+        seen = objects["segmenter"]
+        examples[f"{family}.segmenter.ends"] = seen.ends[:1]
+        examples[f"{family}.segmenter.radius"] = np.where(seen.present, seen.radius, np.nan)[:1]
+        examples[f"{family}.image"] = drawn.images[:1]
 
-
-def on_arrangements(cfg: DictConfig) -> pd.DataFrame:
-    """Return the items of arrangements under a fixed camera, a table of each family, by how the table is known."""
-    study, palette, parts = cfg.studies.perception, read_palette(cfg.paths.data), []
-    for family in tqdm(FAMILIES, desc="arrangements"):
-        rng = stream(study.root_seed, "arrangements", family)
-        drawn = draw_arrangements(rng, study.arrangements, family, palette)
+        drawn = draw_arrangements(stream(study.root_seed, "arrangements", family), study.arrangements, family, palette)
         taken = empty_table(drawn.images)
         tables = {"segmenter": None, "segmenter_empty": drawn.empty, "segmenter_pictures": None}
         if taken is not None and taken.is_useful:
             tables["segmenter_pictures"] = np.repeat(taken.canvas[None], len(drawn.images), 0)
         for name, empty in tables.items():
             found = detect_objects(to_tensor(drawn.images), None if empty is None else to_tensor(empty))
-            table = found_items(found, drawn.instances)
-            parts.append(table.assign(kind=FAMILIES[family].kind, family=family, detector=name))
-    return pd.concat(parts, ignore_index=True)
+            on_arrangements.append(found_items(found, drawn.instances).assign(**key, detector=name))
+    return pd.concat(on_composites, ignore_index=True), pd.concat(on_arrangements, ignore_index=True), examples
 
 
 def found_items(objects: Objects, instances: UInt8[Array, "scene row column"]) -> pd.DataFrame:
@@ -260,65 +246,35 @@ def probability(
 def mean_accuracy(rows: pd.DataFrame) -> pd.DataFrame:
     """Return mean accuracies with quartiles over seeds, by source, table top (or all), detector and user (or all)."""
     rows = pd.concat([rows, rows[rows["top"] != ALL].assign(top=ALL)])
-    rows = pd.concat([rows, rows.assign(user=ALL)])
-    key = ["source", "top", "detector", "user"]
+    rows, key = pd.concat([rows, rows.assign(user=ALL)]), ["source", "top", "detector", "user"]
     by_seed = rows.groupby([*key, "seed"], sort=False).agg(accuracy=("accuracy", "mean"), scenes=("scene", "nunique"))
-    groups = by_seed.reset_index().groupby(key, sort=False)
-    quartiles = {name: groups["accuracy"].quantile(q) for name, q in (("q1", 0.25), ("q3", 0.75))}
-    means = groups.agg(seeds=("seed", "size"), scenes=("scenes", "first"), accuracy=("accuracy", "mean"))
-    return means.assign(**quartiles).reset_index()
+    groups = by_seed.groupby(key, sort=False)
+    means = groups.agg(seeds=("scenes", "size"), scenes=("scenes", "first"), accuracy=("accuracy", "mean"))
+    q1, q3 = (groups["accuracy"].quantile(share) for share in (0.25, 0.75))
+    return means.assign(q1=q1, q3=q3).reset_index()
 
 
-class Transfer(NamedTuple):
-    """Results on path-traced splits, each with columns `source` (the split) and `detector`."""
+def on_tables(cfg: DictConfig, split: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the results on one split: rows of `accuracies`, and `interventions.verdicts` for each user and symbol.
 
-    accuracy: pd.DataFrame  # a row for each user, seed and scene: the share of paths judged right
-    verdicts: pd.DataFrame  # a row for each user and added symbol: `interventions.verdicts`
-    search: pd.DataFrame  # a row for each user: SEARCH, as `pipeline.planning.results` has it
-
-
-def on_tables(cfg: DictConfig, split: str) -> Transfer:
-    """Return the results on one split. Raise InputError if it has no pictures with an added item."""
+    Raise InputError if it has no pictures with an added item.
+    """
     users, (tables, z) = list(cfg.evaluate.users), tables_and_paths(cfg, split)
     if not tables.with_item:
         leave = "leave this split out of studies.perception.rendered"
         raise InputError(f"{cfg.studies.perception.folder}/{split} has no pictures with an added item: {leave}")
     layouts = [tables.layouts, *tables.layouts_with_item.values()]
     true = np.stack([[valid(x, z, cfg.users[user]) for x in layouts] for user in users])
-    starts, models, parts = draw_starts(cfg, split, tables), trained(cfg), []
+    models, rows, judged = trained(cfg), [], []
     for detector, detect in DETECTORS.items():
-        empty = to_tensor(tables.empty)
+        key, empty = {"source": split, "detector": detector}, to_tensor(tables.empty)
         seen = [pack(**vars(detect(to_tensor(x), empty))) for x in (tables.images, *tables.with_item.values())]
         p = np.stack([[probability(model, x, z) for x in seen] for model in models.values()])
         right = accuracies(models, p[:, 0], dict(zip(users, true[:, 0], strict=True)))
-        found = Transfer(
-            right.assign(top=[tables.tops[i] for i in right["scene"]]),
-            interventions.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true, layouts),
-            _search(cfg, models, seen[0], starts),
-        )
-        parts.append([table.assign(source=split, detector=detector) for table in found])
-    return Transfer(*(pd.concat(each, ignore_index=True) for each in zip(*parts, strict=True)))
-
-
-def draw_starts(cfg: DictConfig, split: str, tables: Rendered) -> dict[str, Starts]:
-    """Return each user's invalid paths among `repair.starts` random ones a scene, with the nearest valid ones."""
-    rng = stream(cfg.studies.perception.root_seed, "starts", split)
-    drawn, r = random_z_theta(rng, len(tables.images), cfg.repair.starts), cfg.repair
-    asked = tables.layouts, drawn, r.lattice_side, r.refinements
-    return {user: Starts.of(user, cfg.users[user], *asked) for user in cfg.evaluate.users}
-
-
-def _search(
-    cfg: DictConfig, models: Models, seen: Float[Tensor, "scene object column"], starts: Mapping[str, Starts]
-) -> pd.DataFrame:
-    """Return success, displacement and unsafe ends of the search from each user's invalid paths."""
-    r, found = cfg.repair, []
-    for (user, seed), model in models.items():
-        s = starts[user]
-        ends, log_p = nearest(by_percept(model, seen), s.scene, s.z, r.distance_penalty, r.lattice_side, r.refinements)
-        found.append(rows(s, "nearest", VARIANT, seed, ends, None, np.exp(log_p)))
-    layouts = next(iter(starts.values())).layouts
-    return measures(pd.concat(found, ignore_index=True), items_held(layouts.item, layouts.symbol))[SEARCH]
+        rows.append(right.assign(top=[tables.tops[i] for i in right["scene"]], **key))
+        verdicts = interventions.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true, layouts)
+        judged.append(verdicts.assign(**key))
+    return pd.concat(rows, ignore_index=True), pd.concat(judged, ignore_index=True)
 
 
 def headlines(headlines: Mapping[str, str], accuracy: pd.DataFrame, verdicts: pd.DataFrame) -> dict[str, float]:

@@ -172,24 +172,12 @@ def minutes(table: pd.DataFrame, seconds: float) -> pd.DataFrame:
         right = (part["verdict"] == wanted).groupby(part["person"]).all()
         judgements = part.groupby("person")["judgements"].first()
         q1, median, q3 = np.quantile(judgements, (0.25, 0.5, 0.75), method="higher").tolist()
-        within = right & (judgements <= MANY)
-        share = wilson(int(right.sum()), len(right))
-        rows.append(
-            (
-                lapses,
-                len(right),
-                median,
-                q1,
-                q3,
-                median * seconds / 60,
-                *share,
-                within.mean(),
-                smallest_settled(LOOKS[0]),
-            )
-        )
-    ends = ["right_ci_low", "right_ci_high"]
-    names = ["lapses", "people", "median", "q1", "q3", "minutes", "right", *ends, "within", "settled"]
-    return pd.DataFrame(rows, columns=names)
+        row = {"lapses": lapses, "people": len(right), "median": median, "q1": q1, "q3": q3}
+        row |= {"minutes": median * seconds / 60}
+        row |= dict(zip(("right", "right_ci_low", "right_ci_high"), wilson(int(right.sum()), len(right)), strict=True))
+        row |= {"within": (right & (judgements <= MANY)).mean(), "settled": smallest_settled(LOOKS[0])}
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 if __name__ == "__main__":

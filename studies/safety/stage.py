@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
@@ -23,17 +22,15 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import AddedItems, read_interventions, read_position_prior, read_scenes, train_pool
-from pipeline.causal.envelope import dose_grid, envelopes, paths_at_doses, response_curve
+from pipeline.causal.envelope import dose_grid, envelopes, path_at_doses, response_curve
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import POSITION, position_only
 from pipeline.models.trained import check_weights, predict_all
-from pipeline.planning.nearest import nearest_valid
 from pipeline.runtime import settings
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import Between, Count, Group, Length, Several, Shares, Some, StudyGroup, Whole, need
 from pipeline.runtime.streams import stream
-from pipeline.runtime.writing import atomic_write
 from pipeline.stats.conformal import accept, p_values, score, share_by_scene
 from pipeline.stats.crossed import Items, estimate, items_held
 from pipeline.stats.scores import DECISION
@@ -41,32 +38,22 @@ from pipeline.training.judged_sets import NEW_ITEMS
 from pipeline.training.refit import TrainingSet, demonstrations, refit
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts
-from pipeline.world.rules import clearance, slack, valid
+from pipeline.world.rules import clearance, valid
 
 TRUTH, ALL = "truth", "all"  # beside variants and users in tables
 CONFORMAL, THRESHOLD = "conformal", "threshold"  # how paths are accepted
+KEY = ["variant", "split", "rule", "user"]  # of outcomes
 TOLERANCE = 1e-12  # numerical tolerance when a share is compared with the level
-MAX_ROOM_M = 1.0  # upper limit on room, which is infinite for users without a margin
-HEADER = """\
-# Safety envelopes that model `{variant}` learned from labelled demonstrations: user -> symbol. Lengths in metres.
-# keep_clear_m: distance that a path of this user should keep from the item's outline (the interval's upper end).
-#   null means that no effect was found, or (verdict undecided) that it is not known: do not take it as leave to touch.
-# radius_m, ci_low_m, ci_high_m: clearance at which half of the item's effect is gone, and its 95 % interval.
-# response: how much touching the item takes from the chance that a path clear of all others is valid.
-# Paths that keep these distances and no more are not always valid (planning.csv), so add a margin:
-"""
 
 
 class Envelope(Group):
-    """Doses, paths at each of them, and the variant whose distances are tested and written."""
+    """Doses, random paths, and the variant whose distances the page shows."""
 
     planner: str
     step: Length
     doses: Several
     clear_of_others: Length
-    paths: Count
     candidates: Count
-    starts: Count
     root_seed: Whole
 
 
@@ -120,11 +107,11 @@ class Scenes:
     n_training: list[int]  # number of items of each symbol in the training scenes of all seeds
 
 
-Chosen = Int[Array, "symbol scene dose path"]  # candidates; -1: none
+Chosen = Int[Array, "symbol scene dose"]  # candidates; -1: none
 
 
 def write_envelopes(cfg: DictConfig, out_dir: Path) -> None:
-    """Write envelope.csv, response.parquet, planning.csv and specification.yaml."""
+    """Write envelope.csv and response.parquet."""
     study, users, scenes = cfg.studies.safety.envelope, list(cfg.users), read_envelope_scenes(cfg)
     doses = dose_grid(study.step, study.doses)
     by_variant = responses(cfg, scenes, choose_paths(cfg, scenes, doses))
@@ -142,14 +129,8 @@ def write_envelopes(cfg: DictConfig, out_dir: Path) -> None:
         for q, (user, symbol) in enumerate(questions):
             curve = response_curve(values[q], item[q], n_training[q], doses)
             curves.append(curve.assign(variant=variant, user=user, symbol=symbol))
-    found = pd.concat(tables, ignore_index=True)
-    write_table(out_dir / "envelope.csv", found)
+    write_table(out_dir / "envelope.csv", pd.concat(tables, ignore_index=True))
     write_table(out_dir / "response.parquet", pd.concat(curves, ignore_index=True))
-
-    learned = found[found["variant"] == study.planner]
-    planning = check_plans(cfg, scenes, learned)
-    write_table(out_dir / "planning.csv", planning)
-    write_specification(out_dir / "specification.yaml", study.planner, learned, planning)
 
 
 def read_envelope_scenes(cfg: DictConfig) -> Scenes:
@@ -166,16 +147,16 @@ def read_envelope_scenes(cfg: DictConfig) -> Scenes:
 
 
 def choose_paths(cfg: DictConfig, scenes: Scenes, doses: Float[Array, " dose"]) -> Chosen:
-    """Return the candidates at each dose; InputError if a dose occurs with fewer than two items of a symbol."""
+    """Return a candidate at each dose; InputError if a dose occurs with fewer than two items of a symbol."""
     study = cfg.studies.safety.envelope
     to_others = scene_clearance(scenes.layouts, scenes.z_theta).min(-1)
     to_added = [scene_clearance(item, scenes.z_theta)[..., 0] for item in scenes.added.placed]
-    chosen = np.stack([paths_at_doses(c, to_others, doses, study.clear_of_others, study.paths) for c in to_added])
-    for symbol, item, has_dose in zip(SYMBOLS, scenes.added.item, chosen[..., 0] >= 0, strict=True):
+    chosen = np.stack([path_at_doses(c, to_others, doses, study.clear_of_others) for c in to_added])
+    for symbol, item, has_dose in zip(SYMBOLS, scenes.added.item, chosen >= 0, strict=True):
         items = np.array([len(np.unique(item[scene])) for scene in has_dose.T])  # number of items by dose
         if items.min() < 2:
-            what = f"{items.min()} items have {study.paths} paths {doses[items.argmin()]:.4f} m from an added {symbol}"
-            how = "raise studies.safety.envelope.candidates, lower its doses, paths or clear_of_others, or intervene on"
+            what = f"{items.min()} items have a path {doses[items.argmin()]:.4f} m from an added {symbol}"
+            how = "raise studies.safety.envelope.candidates, lower its doses or clear_of_others, or intervene on"
             raise InputError(f"{what} and in contact, in some scene: expected at least 2; {how} more scenes")
     return chosen
 
@@ -191,15 +172,8 @@ def responses(cfg: DictConfig, scenes: Scenes, chosen: Chosen) -> dict[str, Arra
     Paths are the same without and with the item. Each original scene is perceived once, with those of all symbols.
     """
     users = list(cfg.users)
-    flat = chosen.reshape(*chosen.shape[:2], -1)
-    z_theta = np.take_along_axis(scenes.z_theta[None], flat[..., None], axis=2)  # (symbol, scene, dose * path, 2)
-
-    def mean_loss(before: Array, after: Array) -> Array:
-        """Return the mean over the paths at each dose, (..., symbol, scene, dose)."""
-        loss = (before - after).reshape(*before.shape[:-1], *chosen.shape[2:]).mean(-1, dtype=np.float64)
-        return np.where(chosen[..., 0] >= 0, loss, np.nan)
-
-    has_dose = np.nonzero(chosen[:, :, 0, 0] >= 0)  # symbols and scenes with a path in contact, hence with any
+    z_theta = np.take_along_axis(scenes.z_theta[None], chosen[..., None], axis=2)  # (symbol, scene, dose, 2)
+    has_dose = np.nonzero(chosen[:, :, 0] >= 0)  # symbols and scenes with a path in contact, hence with any
     before = predict_all(cfg, users, scenes.images, np.concatenate(z_theta, axis=1), "envelope: as it is")
     after = predict_all(cfg, users, scenes.added.images[has_dose], z_theta[has_dose], "envelope: added item")
     by_variant = {}
@@ -208,48 +182,13 @@ def responses(cfg: DictConfig, scenes: Scenes, chosen: Chosen) -> dict[str, Arra
         p_before = np.moveaxis(p, 3, 2)
         p_after = np.full_like(p_before, np.nan)
         p_after[:, :, *has_dose] = after[variant]
-        by_variant[variant] = np.moveaxis(mean_loss(p_before, p_after), 2, 1)
+        loss = np.where(chosen >= 0, (p_before - p_after).astype(np.float64), np.nan)
+        by_variant[variant] = np.moveaxis(loss, 2, 1)
 
     margins, added = cfg.users.values(), list(zip(scenes.added.layouts, z_theta, strict=True))
     without = np.array([[valid(scenes.layouts, z, m) for z in z_theta] for m in margins], float)
     with_item = np.array([[valid(layouts, z, m) for layouts, z in added] for m in margins], float)
-    return by_variant | {TRUTH: mean_loss(without, with_item)[:, :, None]}
-
-
-def check_plans(cfg: DictConfig, scenes: Scenes, learned: pd.DataFrame) -> pd.DataFrame:
-    """Return how valid paths are after moving just far enough to keep the learned distances, one row per user.
-
-    plans: number of paths that had to move and could; valid: share that is truly valid; shortfall_m: 99th percentile of
-    the distance [m] that they miss. Only users with an envelope.
-    """
-    starts, rows = scenes.z_theta[:, : cfg.studies.safety.envelope.starts], []
-    for user, table in learned.groupby("user", sort=False):
-        keep_clear = {s: None if np.isnan(x) else x for s, x in zip(table["symbol"], table["ci_high"], strict=True)}
-        if all(distance is None for distance in keep_clear.values()):
-            continue
-        plans = nearest_valid(scenes.layouts, starts, keep_clear, cfg.repair.lattice_side, cfg.repair.refinements)
-        moved = ~valid(scenes.layouts, starts, keep_clear) & valid(scenes.layouts, plans, keep_clear)
-        room = slack(scenes.layouts, scene_clearance(scenes.layouts, plans), cfg.users[user])[moved]
-        share, short = ((room > 0).mean(), -np.quantile(room.clip(max=MAX_ROOM_M), 0.01)) if len(room) else (np.nan, 0)
-        rows.append((cfg.studies.safety.envelope.planner, user, len(room), share, max(0.0, short)))
-    return pd.DataFrame(rows, columns=["variant", "user", "plans", "valid", "shortfall_m"])
-
-
-def write_specification(path: Path, variant: str, learned: pd.DataFrame, planning: pd.DataFrame) -> None:
-    """Write the planner's envelopes as YAML, with a header on their accuracy."""
-    content: dict[str, dict] = {}
-    for row in learned.itertuples():
-        radius, low, high = (None if np.isnan(m) else round(m, 4) for m in (row.radius_m, row.ci_low, row.ci_high))
-        lengths = {"keep_clear_m": high, "radius_m": radius, "ci_low_m": low, "ci_high_m": high}
-        judged = {"response": round(row.response, 4), "verdict": row.verdict}
-        content.setdefault(row.user, {})[row.symbol] = lengths | judged
-    lines = [
-        f"#   - {row.user}: {100 * row.valid:.1f} % of {row.plans} such paths are valid, and 99 % lack at most "
-        f"{row.shortfall_m:.4f} m.\n"
-        for row in planning.itertuples()
-    ]
-    text = HEADER.format(variant=variant) + "".join(lines) + yaml.safe_dump(content, sort_keys=True)
-    atomic_write(path, lambda part: part.write_text(text, encoding="utf-8"))
+    return by_variant | {TRUTH: np.where(chosen >= 0, without - with_item, np.nan)[:, :, None]}
 
 
 # Acceptance
@@ -277,30 +216,33 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
     blind = [(position_only(prior[x.user], x.z_theta), position_only(prior[x.user], z_theta)) for x in complete]
     answers[POSITION] = 2 * blind  # fitted to no demonstrations
 
-    unseen = scenes.layouts[splits[NEW_ITEMS]] if NEW_ITEMS in splits else None
-    summary, curve = [], []
+    at_levels, by_user, levels = {}, {}, list(study.levels)
     for variant, predictions in answers.items():
         of_some, of_all = predictions[: len(complete)], predictions[len(complete) :]
         end = 0
         for split, q in queries.items():
-            paths = slice(end, end := end + len(q.z))
+            paths, layouts = slice(end, end := end + len(q.z)), scenes.layouts[splits[split]]
             conformal = []  # calibrated in the training scenes that were not fitted
             for x, part, (p_demos, p_paths) in zip(complete, fitted, of_some, strict=True):
                 held_out = np.setdiff1d(np.arange(len(p_demos)), part)
                 labels, candidates = x.valid[held_out].ravel(), score(p_paths[paths].ravel())
                 p = p_values(score(p_demos[held_out].ravel()), labels, candidates)
-                conformal.append([accept(p, level) for level in study.levels])
-            threshold = [[p_paths[paths] > DECISION] * len(study.levels) for _, p_paths in of_all]
+                conformal.append([accept(p, level) for level in levels])
+            threshold = [[p_paths[paths] > DECISION] * len(levels) for _, p_paths in of_all]
             truth = np.stack([q.valid[user] for user in users])
-            items = items_held(unseen.item, unseen.symbol) if unseen is not None and split == NEW_ITEMS else None
+            items = items_held(layouts.item, layouts.symbol) if split == NEW_ITEMS else None
             for rule, accepted in ((CONFORMAL, conformal), (THRESHOLD, threshold)):
-                choices = np.reshape(accepted, (len(users), len(seeds), len(study.levels), *q.z.shape[:2]))
-                columns, rows = outcomes(choices, truth, study, users, items)
-                names = {"variant": variant, "split": split, "rule": rule}
-                curve.append(pd.DataFrame(names | columns))
-                summary += [names | row for row in rows]
-    write_table(out_dir / "levels.csv", pd.concat(curve, ignore_index=True))
-    write_table(out_dir / "acceptance.csv", pd.DataFrame(summary))
+                choices = np.reshape(accepted, (len(users), len(seeds), len(levels), *q.z.shape[:2]))
+                at_levels[variant, split, rule] = outcomes(choices, truth, levels, items)
+                promised = choices[:, :, [levels.index(study.level)]]
+                for user, chosen in [(ALL, slice(None)), *((user, [i]) for i, user in enumerate(users))]:
+                    promise = outcomes(promised[chosen], truth[chosen], [study.level], items)
+                    by_user[variant, split, rule, user] = promise
+    table = pd.concat(at_levels, names=KEY[:3]).reset_index(KEY[:3])
+    table["abstained"] /= table["models"]
+    write_table(out_dir / "levels.csv", table.drop(columns=["power", "above", "models"]))
+    table = pd.concat(by_user, names=KEY).reset_index(KEY)
+    write_table(out_dir / "acceptance.csv", table.drop(columns="level"))
 
 
 def predict_demos_and_paths(
@@ -318,32 +260,23 @@ def predict_demos_and_paths(
 def outcomes(
     accepted: Bool[Array, "user seed level scene path"],
     valid: Bool[Array, "user scene path"],
-    study: Any,
-    users: list,
-    items: Items = None,
-) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Return columns by promised level, and rows at the promise for all users together and each of them.
+    levels: list[float],
+    items: Items,
+) -> pd.DataFrame:
+    """Return what came of the paths that some users' models accept, a row for each promised level.
 
     invalid: share of invalid paths among the accepted ones, with its 95 % interval over seeds and scenes, and over
-    the `items` (scene, item) of all scenes if they are chance; power: share of valid paths that are accepted;
-    abstained: share or number of models that accept none; above: number of models whose share of invalid paths exceeds
-    the level. Shares are values by scene whose mean is the share of all scenes.
+    the `items` (scene, item) of all scenes if they are chance; power: share of valid paths that are accepted; above:
+    number of models whose share of invalid paths exceeds the level; abstained: number of models that accept none.
     """
     truth = np.broadcast_to(valid[:, None, None], accepted.shape)
     count, correct = accepted.sum(-1), (accepted & truth).sum(-1)  # (user, seed, level, scene)
-    shares = {"invalid": share_by_scene(count - correct, count), "power": share_by_scene(correct, truth.sum(-1))}
-    silent = count.sum(-1) == 0
-    e = estimate(np.moveaxis(shares["invalid"].mean(0), 1, 0), items=items)  # (level, seed, scene)
-    columns = {"level": list(study.levels), "invalid": e.effect, "ci_low": e.ci_low.clip(0, 1)}
-    columns |= {"ci_high": e.ci_high.clip(0, 1), "abstained": silent.mean((0, 1))}
-    rows, promised = [], list(study.levels).index(study.level)
-    for user, chosen in [(ALL, slice(None)), *((user, slice(i, i + 1)) for i, user in enumerate(users))]:
-        invalid, power = (share[chosen, :, promised] for share in shares.values())
-        e, by_model = estimate(invalid.mean(0)[None], items=items), invalid.mean(-1)
-        row = {"user": user, "invalid": e.effect[0], "ci_low": max(e.ci_low[0], 0.0), "ci_high": min(e.ci_high[0], 1.0)}
-        row |= {"power": power.mean(), "above": int((by_model > study.level + TOLERANCE).sum())}
-        rows.append(row | {"abstained": int(silent[chosen, :, promised].sum()), "models": by_model.size})
-    return columns, rows
+    invalid, power = share_by_scene(count - correct, count), share_by_scene(correct, truth.sum(-1))
+    e = estimate(np.moveaxis(invalid.mean(0), 1, 0), items=items)  # (level, seed, scene)
+    shares = {"invalid": e.effect, "ci_low": e.ci_low.clip(0, 1), "ci_high": e.ci_high.clip(0, 1)}
+    above = (invalid.mean(-1) > np.array(levels) + TOLERANCE).sum((0, 1))
+    numbers = {"above": above, "abstained": (count.sum(-1) == 0).sum((0, 1)), "models": count[..., 0, 0].size}
+    return pd.DataFrame({"level": levels} | shares | {"power": power.mean((0, 1, 3))} | numbers)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -16,22 +16,21 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import read_queries
+from pipeline.artifacts.demos import asked, read_queries
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, Versions, read_position_prior, read_scenes, read_versions, train_pool
 from pipeline.causal.interventions import verdicts
 from pipeline.launch import launch
-from pipeline.models import baselines
-from pipeline.models.base import ValidityModel
-from pipeline.models.baselines import POSITION
-from pipeline.models.clearance.clearance import FAMILIES, ClearanceModel
+from pipeline.models.baselines import POSITION, position_only
+from pipeline.models.clearance.clearance import FAMILIES
 from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import Counts, Distance, Several, Shares, Some, Strengths, StudyGroup, Whole, need
 from pipeline.runtime.streams import stream
-from pipeline.stats import crossed
+from pipeline.stats.crossed import Items as Held
+from pipeline.stats.crossed import items_held
 from pipeline.stats.scores import DECISION, accuracy_estimate
-from pipeline.training.refit import TrainingSet, demonstrations, refit, refit_and_predict
+from pipeline.training.refit import TrainingSet, demonstrations, refit_and_predict
 from pipeline.world import layout
 from pipeline.world.bezier import curve, lattice
 from pipeline.world.catalogue import read_catalogue
@@ -39,7 +38,7 @@ from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts
 from pipeline.world.render import ImageSource, Palette, render_scenes
 from pipeline.world.rules import SAMPLES, Margins, valid
 
-OWN_RULE, PROXIMITY = "margin", "proximity"  # rules: that of conf/users.yaml, and only items with a neighbour count
+RULES = OWN_RULE, PROXIMITY = "margin", "proximity"  # that of conf/users.yaml, and only items with a neighbour count
 ARM_RADIUS_PX = 4  # an arm is 8 cm wide; a pixel is 1 cm
 PIXEL_CENTRES = (np.arange(SIDE) + 0.5) / SIDE  # centres of rows and columns [m]
 WARM_LIGHT = np.array([0.0, 0.5, 1.0])  # share of the loss in red, green and blue
@@ -86,46 +85,43 @@ class Condition:
     strength: float | int | str  # the name for a texture; conf/ states the units of the others
     images: Images
     valid: Bool[Array, "user scene path"]
-    items: crossed.Items  # of each scene
+    items: Held  # of each scene
 
 
 def judge_disturbances(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> None:
-    """Write disturbances.csv, and examples.npz: the first scene under each disturbance."""
+    """Write disturbances.csv, by_seed.csv for sweeps, and examples.npz: the first scene under each disturbance."""
     conditions, z_theta = draw_conditions(cfg, scenes, pool)
     judged = list(zip(conditions, predict_in_conditions(cfg, conditions, z_theta), strict=True))
     judged += predict_after_label_noise(cfg, scenes, conditions[0], z_theta)
-    summary = [
-        {"corruption": x.corruption, "strength": str(x.strength), "variant": variant}
-        | accuracy_estimate(p > DECISION, x.valid, x.items)
-        for x, predictions in judged
-        for variant, p in predictions.items()
-    ]
+    summary, by_seed = [], []
+    for x, (variant, p) in ((x, one) for x, predictions in judged for one in predictions.items()):
+        key = {"corruption": x.corruption, "strength": str(x.strength), "variant": variant}
+        summary.append(key | accuracy_estimate(p > DECISION, x.valid, x.items))
+        right = ((p > DECISION) == x.valid[:, None]).mean((0, 2, 3))  # (seed,); the blind baseline has one
+        by_seed.append(pd.DataFrame(key | {"seed": list(cfg.protocol.seeds)[: len(right)], "accuracy": right}))
     write_table(out_dir / "disturbances.csv", pd.DataFrame(summary))
+    write_table(out_dir / "by_seed.csv", pd.concat(by_seed, ignore_index=True))
     write_arrays(out_dir / "examples.npz", {f"{x.corruption} {x.strength}": x.images[0] for x in conditions})
 
 
 def draw_conditions(cfg: DictConfig, scenes: SceneSet, pool: str) -> tuple[list[Condition], Paths]:
     """Return the scenes without and with every disturbance, weakest first, and their common paths [m].
 
-    Raises InputError if the pool lacks scenes or queries, or the catalogue a texture.
+    Raises InputError if the pool lacks queries, or the catalogue a texture.
     """
     study, users, catalogue = cfg.studies.shift, list(cfg.evaluate.users), read_catalogue(Path(cfg.paths.data))
-    queries = read_queries(Path(cfg.paths.demos)).get(pool)
-    if queries is None or not set(users) <= set(queries.valid):
-        raise InputError(f"no queries of {', '.join(users)} in {pool}: run the demos stage again")
-    if (count := len(scenes.images[pool])) < study.scenes:
-        raise InputError(f"studies.shift.scenes is {study.scenes}: expected at most {count}, as {pool} has")
+    first, queries = slice(study.scenes), read_queries(Path(cfg.paths.demos))
+    paths, labels = zip(*(asked(queries, pool, user) for user in users), strict=True)
+    z_theta, truth = paths[0][first], np.stack(labels)[:, first]
     if not set(study.textures) <= set(unseen := catalogue.texture_names("unseen")):
         raise InputError(f"studies.shift.textures is {list(study.textures)}: expected some of {', '.join(unseen)}")
 
-    first = slice(study.scenes)
     images, layouts = scenes.images[pool][first], scenes.layouts[pool][first]
     appearance = scenes.appearances[pool][first]
     textures, render_seeds = appearance["texture"].tolist(), appearance["render_seed"].tolist()
-    z_theta, truth = queries.z[first], np.stack([queries.valid[user][first] for user in users])
     render = partial(render_scenes, palette=Palette(catalogue, ImageSource.of(cfg.scenes.source)))
 
-    held = crossed.items_held(layouts.item, layouts.symbol)
+    held = items_held(layouts.item, layouts.symbol)
     conditions = [Condition("none", 0, images, truth, held)]
     for name, strengths in study.corruptions.items():
         for strength in strengths:
@@ -139,20 +135,19 @@ def draw_conditions(cfg: DictConfig, scenes: SceneSet, pool: str) -> tuple[list[
     for count in study.clutter:
         fuller = add_clutter(stream(study.root_seed, "clutter"), layouts, count, catalogue.footprints, items, rules)
         truth_there = np.stack([valid(fuller, z_theta, cfg.users[user]) for user in users])
-        pictures, all_items = render(fuller, textures, render_seeds), crossed.items_held(fuller.item, fuller.symbol)
+        pictures, all_items = render(fuller, textures, render_seeds), items_held(fuller.item, fuller.symbol)
         conditions.append(Condition("clutter", count, pictures, truth_there, all_items))
     return conditions, z_theta
 
 
 def predict_in_conditions(cfg: DictConfig, conditions: list[Condition], z_theta: Paths) -> list[Predictions]:
     """Return P(valid) of every variant and of the image-blind baseline position_only under each condition."""
-    users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    users = list(cfg.evaluate.users)
     images = np.concatenate([condition.images for condition in conditions])
     paths = np.tile(z_theta, (len(conditions), 1, 1))
     p = predict_all(cfg, users, images, paths, "disturbances")
     prior = read_position_prior(Path(cfg.paths.scenes))
-    blind = np.stack([baselines.position_only(prior[user], paths) for user in users])[:, None]
-    p[POSITION] = np.repeat(blind, len(seeds), axis=1)
+    p[POSITION] = np.stack([position_only(prior[user], paths) for user in users])[:, None]
     by_condition = {variant: np.split(x, len(conditions), axis=2) for variant, x in p.items()}
     return [{variant: x[i] for variant, x in by_condition.items()} for i in range(len(conditions))]
 
@@ -182,79 +177,50 @@ def predict_after_label_noise(
 # Another rule
 
 
-class Fitted(NamedTuple):
-    """Hold what one model fitted again says of the added items' scenes."""
-
-    p: Float[Array, "image path"]
-    training_accuracy: float
-    posterior: dict[str, float]  # family of the model, or "constant" -> its probability
-
-
 def judge_rules(cfg: DictConfig, scenes: SceneSet, out_dir: Path) -> None:
-    """Write rules.csv, verdicts.csv and posterior.csv: clearance models fitted to each rule, and judged by it.
+    """Write rules.csv and verdicts.csv: clearance models fitted to each rule, and judged by it.
 
     Each variant of stage clearance is also fitted with family `margin` alone, without averaging over families, and then
     called `<variant>_margin`.
     """
-    users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
-    images, layouts, z_theta = asked = read_versions(cfg, scenes, cfg.studies.shift.rule_scenes)
-    items = crossed.items_held(layouts[0].item, layouts[0].symbol)
-    averaged = [name for name, variant in cfg.variants.items() if variant.stage == "clearance"]
-    fitted = fit_to_rules(cfg, averaged, scenes, asked)
-    summary, judged, posteriors = [], [], []
-    for rule in (OWN_RULE, PROXIMITY):
+    users, seeds, summary, judged = list(cfg.evaluate.users), list(cfg.protocol.seeds), [], []
+    images, layouts, z_theta = versions = read_versions(cfg, scenes, cfg.studies.shift.rule_scenes)
+    items = items_held(layouts[0].item, layouts[0].symbol)
+    for rule, by_variant in fit_to_rules(cfg, scenes, versions).items():
         labels = np.stack([[is_valid(cfg, rule, x, z_theta, user) for x in layouts] for user in users])
-        shape = len(users), len(seeds), *images.shape[:2], -1  # (user, seed, version, scene, path)
-        p = {v: np.stack([m.p for m in fitted[rule, v]]).reshape(shape) for r, v in fitted if r == rule}
-        blind = np.stack([baselines.position_only(position_prior(cfg, scenes, rule, u), z_theta) for u in users])
-        in_scenes = {v: x[:, :, 0] for v, x in p.items()}
-        in_scenes[POSITION] = np.repeat(blind[:, None], len(seeds), axis=1)
+        p = {v: x.reshape(len(users), len(seeds), *images.shape[:2], -1) for v, x in by_variant.items()}
+        in_scenes, priors = {v: x[:, :, 0] for v, x in p.items()}, [position_prior(cfg, scenes, rule, u) for u in users]
+        in_scenes[POSITION] = np.stack([position_only(prior, z_theta) for prior in priors])[:, None]
         for variant, p_in_scenes in in_scenes.items():
-            key, accepted = {"family": rule, "variant": variant}, p_in_scenes > DECISION
-            training = np.mean([m.training_accuracy for m in fitted[rule, variant]]) if variant in p else np.nan
-            facts = {"training_accuracy": training, "valid": labels[:, 0].mean()}
-            summary.append(key | accuracy_estimate(accepted, labels[:, 0], items) | facts)
-            if variant in p:
-                rows = verdicts(users, p[variant], labels, layouts)
-                judged.append(pd.DataFrame(key, index=rows.index).join(rows))
-        for variant in averaged:
-            for (user, seed), model in zip(product(users, seeds), fitted[rule, variant], strict=True):
-                key = {"family": rule, "variant": variant, "seed": seed, "user": user}
-                posteriors += [key | {"fitted_family": f, "probability": x} for f, x in model.posterior.items()]
+            estimates = accuracy_estimate(p_in_scenes > DECISION, labels[:, 0], items)
+            summary.append({"family": rule, "variant": variant} | estimates | {"valid": labels[:, 0].mean()})
+        for variant, of_variant in p.items():
+            rows = verdicts(users, of_variant, labels, layouts)
+            judged.append(pd.DataFrame({"family": rule, "variant": variant}, index=rows.index).join(rows))
     write_table(out_dir / "rules.csv", pd.DataFrame(summary))
     write_table(out_dir / "verdicts.csv", pd.concat(judged, ignore_index=True))
-    write_table(out_dir / "posterior.csv", pd.DataFrame(posteriors))
 
 
-def fit_to_rules(
-    cfg: DictConfig, averaged: list[str], scenes: SceneSet, asked: Versions
-) -> dict[tuple[str, str], list[Fitted]]:
-    """Fit every variant, averaged and with one family, to every rule; return (rule, variant) -> by user and seed."""
+def fit_to_rules(cfg: DictConfig, scenes: SceneSet, versions: Versions) -> dict[str, dict[str, Array]]:
+    """Fit each variant of stage clearance, averaged and with one family, to every rule; return P(valid) by both.
+
+    P(valid) is that of every path in every version of the scenes, first axis: user and seed.
+    """
     every_set = [
         replace(t, valid=is_valid(cfg, rule, scenes.layouts[train_pool(t.seed)], t.z_theta, t.user))
-        for rule, t in product((OWN_RULE, PROXIMITY), demonstrations(cfg, scenes))
+        for rule, t in product(RULES, demonstrations(cfg, scenes))
     ]
-    cfg, alone = cfg.copy(), [f"{variant}_{OWN_RULE}" for variant in averaged]
+    averaged = {name: variant for name, variant in cfg.variants.items() if variant.stage == "clearance"}
+    cfg = cfg.copy()
     OmegaConf.set_struct(cfg, False)
-    for variant, name in zip(averaged, alone, strict=True):
-        members = cfg.variants[variant].model.members * len(FAMILIES)  # as many as the averaged model has in all
-        cfg.variants[name] = {
-            **cfg.variants[variant],
-            "model": {**cfg.variants[variant].model, "members": members, "families": [OWN_RULE]},
-        }
-    images, paths = np.concatenate(asked.images), np.tile(asked.z_theta, (len(asked.images), 1, 1))
-    answers = refit(cfg, dict.fromkeys([*averaged, *alone], every_set), partial(answer, images, paths), "rules")
-    half = len(every_set) // 2
-    parts = (OWN_RULE, slice(half)), (PROXIMITY, slice(half, None))
-    return {(rule, variant): x[part] for variant, x in answers.items() for rule, part in parts}
-
-
-def answer(images: Images, z_theta: Paths, model: ValidityModel, training_set: TrainingSet) -> Fitted:
-    """Return P(valid) of every path [m] in its image, the accuracy on the model's own demonstrations, and its rule."""
-    correct = (model.probability(training_set.images, training_set.z_theta) > DECISION) == training_set.valid
-    assert isinstance(model, ClearanceModel)
-    posterior = dict(zip([*model.families, "constant"], model.posterior().tolist(), strict=True))
-    return Fitted(model.probability(images, z_theta), float(correct.mean()), posterior)
+    for name, variant in averaged.items():
+        members = variant.model.members * len(FAMILIES)  # as many as the averaged model has in all
+        model = {**variant.model, "members": members, "families": [OWN_RULE]}
+        cfg.variants[f"{name}_{OWN_RULE}"] = {**variant, "model": model}
+    images, paths = np.concatenate(versions.images), np.tile(versions.z_theta, (len(versions.images), 1, 1))
+    fitted = dict.fromkeys([*averaged, *(f"{name}_{OWN_RULE}" for name in averaged)], every_set)
+    p = refit_and_predict(cfg, fitted, images, paths, "rules")
+    return {rule: {v: np.split(x, len(RULES))[i] for v, x in p.items()} for i, rule in enumerate(RULES)}
 
 
 def position_prior(cfg: DictConfig, scenes: SceneSet, rule: str, user: str) -> Float[Array, "side side"]:

@@ -5,47 +5,45 @@ scenes. Clusters: demonstrations alone, no model takes part. Overlap and samples
 for the paper's model, the clearance model and image-blind guesses.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
-from pydantic import Field
 from scipy.spatial.distance import cdist
 from scipy.stats import entropy
-from scipy.stats import t as student
 from sklearn.metrics import mutual_info_score
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
-from pipeline.causal.identify import all_distinct, identify, reject_all_users
+from pipeline.causal.identify import identify
 from pipeline.launch import launch
 from pipeline.models.base import to_tensor
 from pipeline.models.baselines import NEAREST, POSITION, nearest_demonstration, position_only
 from pipeline.models.trained import check_weights, load_model, predict_all
-from pipeline.runtime.settings import Between, Count, Margin, SharedSplit, StudyGroup, Whole, need, need_some
+from pipeline.runtime.settings import Count, SharedSplit, StudyGroup, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import Estimates, Items, estimate, items_held, linearised
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import P_F, P_INIT, lattice, random_z_theta
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
+from pipeline.world.catalogue import random_scenes
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
 from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import Margins, valid
 
-ALL, STRANGER = "all", "stranger"  # users in tables: the mean of all, and one without a model
 IDEAL, TRUTH, RANDOM, TYPICAL = "ideal", "truth", "random_path", "training_mean"  # beside variants and POSITION
-CERTAIN_FLOOR = 1e-6  # clipping of probabilities that are known, not learned
-MEASURES = "nearest neighbours", "nearest centroid", "silhouette"  # of clusters by user
+KNOWN, CERTAIN_FLOOR = (POSITION, IDEAL), 1e-6  # whose probabilities are known, not learned, and their clipping
+MEASURES = "nearest neighbours", "silhouette"  # of clusters by user
 SAME_TABLE = "nearest label"  # the measure of clusters of valid and invalid paths
 HOLDS, FAILS, OPEN = "holds", "fails", "open"
 CODED, BINS, LEVELS = 500, 10, 5  # scenes whose codes are measured; bins of a dimension, of an item's coordinate
-INTERVAL = ["mean", "ci_low", "ci_high"]
+
 Sets = Bool[Array, "user seed scene path"]  # paths that a source calls valid; one seed where all seeds agree
 
 
@@ -54,9 +52,7 @@ class Settings(StudyGroup):
     paths: Count
     draws: Count
     paths_seed: Whole
-    reported: Annotated[list[Count], Field(min_length=1)]
-    stranger: dict[str, Margin]
-    level: Between
+
     root_seed: Whole
     neighbours: Count
     permutations: Count
@@ -65,22 +61,17 @@ class Settings(StudyGroup):
 
 
 def agree(study: Settings, parameters: Any) -> None:
-    """Require several users, a stranger that differs from all of them, and numbers of paths that there are."""
+    """Require several users, the two models that are compared, and numbers of paths that there are."""
     name, users = "studies.users", parameters.users
     need(len(users) > 1, "users", list(users), "at least two, to tell one from the other")
     both, variants = {"full", "clearance"}, list(parameters.variants)
     need(both <= set(variants), "variants", variants, f"full and clearance among them: {name} is about them")
-    need_some(f"{name}.stranger", study.stranger, SYMBOLS)
-    new = {symbol: study.stranger.get(symbol) for symbol in SYMBOLS} not in users.values()
-    need(new, f"{name}.stranger", study.stranger, "margins that no user has, or nobody can tell the stranger")
-    most = f"whole numbers from 1 to {name}.paths = {study.paths}"
-    need(max(study.reported) <= study.paths, f"{name}.reported", study.reported, most)
     most = f"at most {name}.candidates = {study.candidates}"
     need(study.samples <= study.candidates, f"{name}.samples", study.samples, most)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write curve.csv, named.csv, training.csv and open_set.csv of whose paths they are, and the claims' tables.
+    """Write curve.csv and training.csv of whose paths they are, and the claims' tables.
 
     These are clusters.csv, shown.csv (valid paths of the first seed), overlap.csv, overlap_scenes.csv, sampling.csv,
     verdicts.csv and codes.csv.
@@ -93,10 +84,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     images, layouts = scenes.images[pool], scenes.layouts[pool]
 
     # Whose paths are they?
-    curve, summary, open_set = identification_tables(cfg, images, layouts, prior)
-    write_table(out_dir / "curve.csv", curve)
-    write_table(out_dir / "named.csv", summary)
-    write_table(out_dir / "open_set.csv", open_set)
+    held = items_held(layouts.item, layouts.symbol)
+    right = named(cfg, images, layouts, prior, stream(study.paths_seed, "identify"))
+    curves = [by_path(variant, each.mean(0), held) for variant, each in right.items()]
+    write_table(out_dir / "curve.csv", pd.concat(curves, ignore_index=True))
     demos = read_demos(Path(cfg.paths.demos))
     write_table(out_dir / "training.csv", training_table(cfg, scenes, prior, demos))
 
@@ -114,9 +105,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     truth = true_sets(cfg, layouts, z_theta)[:, None]
     sets = {v: p > DECISION for v, p in predict_all(fitted, users, images, z_theta, "overlap").items()}
     sets[POSITION] = np.stack([position_only(prior[user], z_theta) for user in users])[:, None] > DECISION
-    overlap, by_scene, gains = overlap_tables(users, sets, truth, before, items_held(layouts.item, layouts.symbol))
+    overlap, by_scene, gains = overlap_tables(users, sets, truth, before, held)
     sets |= {RANDOM: np.ones_like(truth), TRUTH: truth}
-    sampling, sample_gains = sampling_table(cfg, layouts, z_theta, sets, truth)
+    sampling, sample_gains = sampling_table(cfg, layouts, z_theta, sets, truth, held)
     write_table(out_dir / "overlap.csv", overlap)
     write_table(out_dir / "overlap_scenes.csv", by_scene)
     write_table(out_dir / "sampling.csv", sampling)
@@ -133,104 +124,51 @@ def true_sets(cfg: DictConfig, layouts: Layouts, z_theta: Float[Array, "*b path 
 # Whose paths are they?
 
 
-def identification_tables(
-    cfg: DictConfig, images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, prior: Mapping[str, Array]
-) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Return who is named by the number of paths, the same of all users at reported numbers, and who is rejected.
+def named(
+    cfg: DictConfig,
+    images: UInt8[Array, "scene 100 100 3"],
+    layouts: Layouts,
+    prior: Mapping[str, Array],
+    rng: np.random.Generator,
+    shown: Sequence[tuple[Array, Array]] = (),
+) -> dict[str, Float[Array, "user path seed scene"]]:
+    """Return how often each observer names the user after 1, 2, ... random paths, labelled by that user's rule.
 
-    Every observer sees the same paths. Labels are those of each user, and of a stranger whom no model knows.
+    shown: each user's demonstrations in these scenes, for the nearest of them.
     """
     study, users = cfg.studies.users, list(cfg.users)
-    z_theta = random_z_theta(stream(study.paths_seed, "identify"), len(layouts), study.draws * study.paths)
-    by_stranger = by_draw(study, valid(layouts, z_theta, {symbol: study.stranger.get(symbol) for symbol in SYMBOLS}))
-    labels, observers = observe(cfg, images, layouts, z_theta, prior)
-    distinct, curves, open_set = all_distinct(labels), [], []
-    held = items_held(layouts.item, layouts.symbol)
-    for variant, p in observers.items():
-        floor = certainty(cfg, variant)
-        right = identify(p, labels, floor).mean(0)  # over users: (path, seed, scene)
-        shares = rate("accuracy", right, items=held) | rate("accuracy", right, distinct, "distinct_", held)
-        curves.append(by_path(variant, ALL, shares))
-        rejected = reject_all_users(p, np.concatenate([labels, by_stranger[None]]), floor, study.level)
-        for user, share in ((ALL, rejected[:-1].mean(0)), (STRANGER, rejected[-1])):
-            open_set.append(by_path(variant, user, rate("rejected", share, items=held)))
-    curve = pd.concat(curves, ignore_index=True)
-    summary = curve[curve["k"].isin(study.reported)].drop(columns="user")
-    counts = {"scenes": len(distinct), "distinct_scenes": int(distinct.sum()), "chance": 1 / len(users)}
-    return curve, summary.assign(**counts), pd.concat(open_set, ignore_index=True)
+    z_theta = random_z_theta(rng, len(layouts), study.draws * study.paths)
+    labels = true_sets(cfg, layouts, z_theta)
+    p = predict_all(cfg, users, images, z_theta, "identification")
+    p[POSITION] = np.stack([position_only(prior[user], z_theta) for user in users])[:, None]
+    p[IDEAL] = labels[:, None].astype(float)
+    if shown:
+        p[NEAREST] = np.stack([nearest_demonstration(*of_user, z_theta) for of_user in shown])[:, None]
+    # After Laplace, the n labels that a model was fitted to support no more certainty than (n + 1) / (n + 2).
+    learned_floor, draws = 1 / (cfg.scenes.per_seed * cfg.main_n_demos + 2), (study.draws, study.paths)
+    floor = {name: CERTAIN_FLOOR if name in KNOWN else learned_floor for name in p}
+    labels = labels.reshape(*labels.shape[:-1], *draws)
+    return {name: identify(x.reshape(*x.shape[:-1], *draws), labels, floor[name]) for name, x in p.items()}
 
 
 def training_table(cfg: DictConfig, scenes: SceneSet, prior: Mapping[str, Array], demos: pd.DataFrame) -> pd.DataFrame:
     """Return who is named by further paths of the tables that each model was fitted to, by the number of paths."""
-    study, right = cfg.studies.users, dict[str, list[Array]]()
+    right = dict[str, list[Array]]()
     for seed in cfg.protocol.seeds:
         of_seed, pool = cfg.copy(), train_pool(seed)
         of_seed.protocol.seeds = [seed]
-        layouts = scenes.layouts[pool]
-        z_theta = random_z_theta(stream(study.paths_seed, "held out", seed), len(layouts), study.draws * study.paths)
-        labels, observers = observe(of_seed, scenes.images[pool], layouts, z_theta, prior)
+        rng = stream(cfg.studies.users.paths_seed, "held out", seed)
         shown = [demo_arrays(demos, seed, user, cfg.main_n_demos) for user in cfg.users]
-        blind = np.stack([nearest_demonstration(*of_user, z_theta) for of_user in shown])
-        observers[NEAREST] = by_draw(study, blind[:, None])
-        for variant, p in observers.items():
-            named = identify(p, labels, certainty(cfg, variant))  # (user, path, 1, scene)
-            right.setdefault(variant, []).append(named.mean((0, 2, 3)))
-    curves = [by_path(v, ALL, rate("accuracy", np.stack(of, axis=-1)[:, None])) for v, of in right.items()]
-    return pd.concat(curves, ignore_index=True).drop(columns="user")  # intervals are over training sets
+        for variant, each in named(of_seed, scenes.images[pool], scenes.layouts[pool], prior, rng, shown).items():
+            right.setdefault(variant, []).append(each.mean((0, 2, 3)))
+    curves = [by_path(v, np.stack(of, axis=-1)[:, None]) for v, of in right.items()]
+    return pd.concat(curves, ignore_index=True)  # intervals are over training sets
 
 
-def observe(
-    cfg: DictConfig,
-    images: UInt8[Array, "scene 100 100 3"],
-    layouts: Layouts,
-    z_theta: Array,
-    prior: Mapping[str, Array],
-) -> tuple[Bool[Array, "user scene draw path"], dict[str, Float[Array, "user seed scene draw path"]]]:
-    """Return each user's labels of the paths, and each observer's P(valid) of them to each user."""
-    labels, users = by_draw(cfg.studies.users, true_sets(cfg, layouts, z_theta)), list(cfg.users)
-    p = predict_all(cfg, users, images, z_theta, "identification")
-    p[POSITION] = np.stack([position_only(prior[user], z_theta) for user in users])[:, None]
-    observers = {name: by_draw(cfg.studies.users, values) for name, values in p.items()}
-    return labels, observers | {IDEAL: labels[:, None].astype(float)}
-
-
-def by_draw(study: DictConfig, values: Array) -> Array:
-    """Return values (..., path) of the paths of every draw as (..., draw, path)."""
-    return values.reshape(*values.shape[:-1], study.draws, study.paths)
-
-
-def certainty(cfg: DictConfig, observer: str) -> float:
-    """Return the floor of an observer's probabilities.
-
-    After Laplace, the n labels that a model was fitted to support no more certainty than (n + 1) / (n + 2).
-    """
-    learned = observer in cfg.variants or observer == NEAREST
-    return 1 / (cfg.scenes.per_seed * cfg.main_n_demos + 2) if learned else CERTAIN_FLOOR
-
-
-def rate(
-    name: str,
-    values: Float[Array, "path seed scene"],
-    scenes: Bool[Array, " scene"] | None = None,
-    prefix: str = "",
-    items: Items = None,
-) -> dict[str, Float[Array, " path"]]:
-    """Return the mean over seeds and scenes (None: all) as column `name`, and its 95 % interval within [0, 1].
-
-    NaN for fewer than two scenes; items: those of all scenes, if they are chance.
-    """
-    columns = [f"{prefix}{part}" for part in (name, "ci_low", "ci_high")]
-    chosen = values if scenes is None else values[..., scenes]
-    if chosen.shape[-1] < 2:
-        return dict.fromkeys(columns, np.full(len(values), np.nan))
-    e = estimate(chosen, items=items if items is None or scenes is None else items[scenes])
-    return dict(zip(columns, (e.effect, e.ci_low.clip(0, 1), e.ci_high.clip(0, 1)), strict=True))
-
-
-def by_path(variant: str, user: str, columns: Mapping[str, Float[Array, " path"]]) -> pd.DataFrame:
-    """Return a row for each number k of paths."""
-    table = pd.DataFrame(dict(columns))
-    return pd.DataFrame({"variant": variant, "user": user, "k": 1 + np.arange(len(table))}).join(table)
+def by_path(variant: str, right: Float[Array, "path seed scene"], items: Items = None) -> pd.DataFrame:
+    """Return a row for each number k of paths: the share of users named, with its 95 % interval within [0, 1]."""
+    e, key = estimate(right, items=items), {"variant": variant, "k": 1 + np.arange(len(right))}
+    return pd.DataFrame(key | {"accuracy": e.effect, "ci_low": e.ci_low.clip(0, 1), "ci_high": e.ci_high.clip(0, 1)})
 
 
 # Clusters
@@ -256,18 +194,19 @@ def cluster_tables(
         labels = [nearest_label(*of_user, rng, study.permutations) for of_user in arrays]
         by_seed.append(np.column_stack([by_user, np.mean(labels, axis=0)]))
         shown.append(own[["user", "z_x", "z_y"]])
-    values = np.stack(by_seed)  # (seed, draw, measure)
-    mean = values.mean(0)
-    p = (1 + (mean[1:] >= mean[0]).sum(0)) / (study.permutations + 1)
-    rows = [
-        {"measure": name} | over_seeds(values[:, 0, i]) | {"chance": mean[1:, i].mean(), "p": p[i]}
-        for i, name in enumerate((*MEASURES, SAME_TABLE))
-    ]
-    tables = [best_accuracy(training[:, i].astype(float)) for i in range(len(cfg.protocol.seeds))]
-    perfect = {"position": [best_accuracy(prior)] * len(tables), "table known": tables}
-    chance = {"chance": 1 / len(users)}
-    rows += [{"measure": f"perfect, {name}"} | over_seeds(np.array(x)) | chance for name, x in perfect.items()]
-    return pd.DataFrame(rows), shown[0]
+    values = np.stack(by_seed)  # (seed, draw, measure); draw 0: as shown
+    shuffled, actual = values.mean(0)[1:], values.mean(0)[0]
+    p = (1 + (shuffled >= actual).sum(0)) / (study.permutations + 1)
+    table = over_seeds([*MEASURES, SAME_TABLE], values[:, 0]).assign(chance=shuffled.mean(0), p=p)
+    perfect = [(best_accuracy(prior), best_accuracy(of_seed.astype(float))) for of_seed in training.swapaxes(0, 1)]
+    perfect = over_seeds(["perfect, position", "perfect, table known"], np.array(perfect))
+    return pd.concat([table, perfect.assign(chance=1 / len(users))], ignore_index=True), shown[0]
+
+
+def over_seeds(names: list[str], values: Float[Array, "seed measure"]) -> pd.DataFrame:
+    """Return the mean of each measure with Student's 95 % interval over seeds."""
+    e = estimate(values.T[:, None])
+    return pd.DataFrame({"measure": names, "mean": e.effect, "ci_low": e.ci_low, "ci_high": e.ci_high})
 
 
 def measures(
@@ -282,22 +221,19 @@ def measures(
 
     user: a number from 0. Each user weighs the same, whatever its number of paths. Silhouette after Rousseeuw (1987).
     """
-    distances, here = cdist(z_theta, z_theta), (scene[:, None] == np.arange(scene.max() + 1)).astype(float)
+    distances = cdist(z_theta, z_theta)
     near = np.argsort(np.where(scene[:, None] == scene, np.inf, distances), axis=1, kind="stable")[:, :neighbours]
     orders = [np.arange(len(scene)), *(np.lexsort((rng.random(len(scene)), scene)) for _ in range(permutations))]
     rows = []
     for order in orders:
         drawn = user[order]
         member = np.eye(user.max() + 1)[drawn]  # (path, user)
-        sums, counts = np.einsum("ps,pu,pc->suc", here, member, z_theta), (here.T @ member)[..., None]
-        centroids = (sums.sum(0) - sums) / np.maximum(counts.sum(0) - counts, 1)  # (scene, user, 2), of other scenes
-        nearest = np.linalg.norm(z_theta[:, None] - centroids[scene], axis=-1).argmin(1)
-        guesses = (member[near].sum(1) / member.sum(0)).argmax(1), nearest
-        recalls = [np.mean([(guess[drawn == u] == u).mean() for u in np.unique(drawn)]) for guess in guesses]
         count, away = member.sum(0), distances @ member
+        guess = (member[near].sum(1) / count).argmax(1)
+        recall = np.mean([(guess[drawn == u] == u).mean() for u in np.unique(drawn)])
         within = away[np.arange(len(drawn)), drawn] / np.maximum(count[drawn] - 1, 1)
         between = np.where(member > 0, np.inf, away / count).min(1)
-        rows.append((*recalls, float(((between - within) / np.maximum(between, within)).mean())))
+        rows.append((recall, float(((between - within) / np.maximum(between, within)).mean())))
     return np.array(rows)
 
 
@@ -321,12 +257,6 @@ def best_accuracy(share: Float[Array, "user *scene cell"]) -> float:
     use = (total > 0).all(0)[..., 0]
     density = (share / np.where(total > 0, total, 1))[:, use] if use.ndim else share / total
     return float((density.max(0) / len(share)).sum(-1).mean())
-
-
-def over_seeds(values: Float[Array, " seed"]) -> dict[str, float]:
-    """Return the mean and Student's 95 % interval over seeds."""
-    half = student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
-    return {"mean": values.mean(), "ci_low": values.mean() - half, "ci_high": values.mean() + half}
 
 
 # Overlap
@@ -359,12 +289,12 @@ def overlap_tables(
             error, vary = np.abs(overlap - true), [min(np.ptp(x), np.ptp(true[0])) > 1e-9 for x in overlap]
             r = [np.corrcoef(x, true[0])[0, 1] if varies else 0.0 for x, varies in zip(overlap, vary, strict=True)]
             errors.setdefault(source, []).append(error)
-            row = {"variant": source, "first": users[i], "second": users[j], "truth": true.mean()}
-            interval = estimate(error[None], items=items)
-            row |= {"overlap": overlap.mean(), "error": error.mean(), "ci_low": interval.ci_low[0]}
-            rows.append(row | {"ci_high": interval.ci_high[0], "correlation": np.mean(r)})
-            part = {"variant": source, "first": users[i], "second": users[j], "scene": range(true.shape[1])}
-            scenes.append(pd.DataFrame(part | {"truth": true[0], "overlap": overlap.mean(0)}))
+            key = {"variant": source, "first": users[i], "second": users[j]}
+            row = key | {"truth": true.mean(), "overlap": overlap.mean()}
+            row |= estimate(error[None], items=items).row("error", "ci_low", "ci_high")
+            rows.append(row | {"correlation": np.mean(r)})
+            part = key | {"scene": range(true.shape[1]), "truth": true[0], "overlap": overlap.mean(0)}
+            scenes.append(pd.DataFrame(part))
     blind = np.mean(errors.pop(TYPICAL), axis=0)
     gains = {
         ("overlap", v): estimate((blind - np.mean(x, axis=0))[None], items=items)
@@ -378,7 +308,12 @@ def overlap_tables(
 
 
 def sampling_table(
-    cfg: DictConfig, layouts: Layouts, z_theta: Float[Array, "scene path 2"], sets: Mapping[str, Sets], truth: Sets
+    cfg: DictConfig,
+    layouts: Layouts,
+    z_theta: Float[Array, "scene path 2"],
+    sets: Mapping[str, Sets],
+    truth: Sets,
+    items: Items,
 ) -> tuple[pd.DataFrame, dict[tuple[str, str], Estimates]]:
     """Return the share of valid samples and of routes found, by source and user, and the gains.
 
@@ -386,7 +321,7 @@ def sampling_table(
     mean over users. Users to whom every path is valid are left out: they have one route.
     """
     users, draws, seeds = list(cfg.users), cfg.studies.users.samples, len(cfg.protocol.seeds)
-    rows, scores, held = [], {}, items_held(layouts.item, layouts.symbol)
+    rows, scores = [], {}
     for user in cfg.evaluate.users:
         u = users.index(user)
         sides = left_of_items(layouts, z_theta, cfg.users[user])
@@ -400,12 +335,10 @@ def sampling_table(
             for measure, pair in counts.items():
                 each = linearised(*(np.broadcast_to(x, (1, seeds, len(layouts))).astype(float) for x in pair))
                 scores.setdefault((measure, source), []).append(each)
-                interval = estimate(each, items=held)
-                row |= {measure: interval.effect[0], f"{measure}_low": interval.ci_low[0]}
-                row[f"{measure}_high"] = interval.ci_high[0]
+                row |= estimate(each, items=items).row(measure, f"{measure}_low", f"{measure}_high")
             rows.append(row | {"routes_found": found.mean(), "routes_all": all_routes.mean()})
     means = {key: np.mean(each, axis=0) for key, each in scores.items()}
-    gains = {(m, v): estimate(x - means[m, POSITION], items=held) for (m, v), x in means.items() if v in cfg.variants}
+    gains = {(m, v): estimate(x - means[m, POSITION], items=items) for (m, v), x in means.items() if v in cfg.variants}
     return pd.DataFrame(rows), gains
 
 
@@ -448,11 +381,10 @@ def codes_table(cfg: DictConfig) -> pd.DataFrame:
     """
     study, first = cfg.studies.users, cfg.evaluate.users[0]
     catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
-    rng, rules = stream(study.root_seed, "codes"), LayoutRules.of(cfg.scenes.layout)
-    layouts = random_layouts(rng, CODED, catalogue.footprints, catalogue.pool("train"), rules)
-    tops, seeds = rng.choice(catalogue.texture_names("train"), CODED), rng.integers(2**31, size=CODED).tolist()
-    images = render_scenes(layouts, list(tops), seeds, palette)
-    facts = [np.unique(tops, return_inverse=True)[1], layouts.present.sum(1)]
+    rng = stream(study.root_seed, "codes")
+    layouts, looks = random_scenes(rng, CODED, catalogue, "train", LayoutRules.of(cfg.scenes.layout))
+    images = render_scenes(layouts, looks["texture"].tolist(), looks["render_seed"].tolist(), palette)
+    facts = [pd.factorize(looks["texture"], sort=True)[0], layouts.present.sum(1)]
     facts += [(layouts.symbol == symbol).any(1).astype(int) for symbol in range(len(SYMBOLS))]
     facts += list((LEVELS * layouts.centre[:, 0].clip(0, 0.999)).astype(int).T)
     order, rows = rng.permutation(CODED), []
@@ -461,7 +393,8 @@ def codes_table(cfg: DictConfig) -> pd.DataFrame:
         codes = [model.perceive(to_tensor(images)).detach().numpy() for model in models]
         gaps = np.array([[gap(z, fact) for fact in facts] for z in codes]).mean(1)
         chance = np.mean([[gap(z, fact[order]) for fact in facts] for z in codes])
-        rows.append({"variant": variant, "beta": cfg.variants[variant].beta} | over_seeds(gaps) | {"shuffled": chance})
+        interval = estimate(gaps[None, None]).row()
+        rows.append({"variant": variant, "beta": cfg.variants[variant].beta} | interval | {"shuffled": chance})
     return pd.DataFrame(rows)
 
 
@@ -482,20 +415,18 @@ def gap(codes: Float[Array, "scene dimension"], fact: Int[Array, " scene"]) -> f
 def verdicts(clusters: pd.DataFrame, gains: Mapping[tuple[str, str], Estimates]) -> pd.DataFrame:
     """Return a verdict on each measure of the first variant: `ours` with its interval must lie above `bar`."""
     table = clusters.set_index("measure")
-    near, silhouette, perfect, same = (
-        table.loc[name] for name in (MEASURES[0], MEASURES[2], "perfect, position", SAME_TABLE)
-    )
-    by_user, reachable = "clusters by user", bool(perfect["mean"] > near["chance"])
+    near, silhouette, perfect, same = (table.loc[name] for name in (*MEASURES, "perfect, position", SAME_TABLE))
+    interval, reachable = ["mean", "ci_low", "ci_high"], bool(perfect["mean"] > near["chance"])
     rows = [
-        ("clusters in a table", SAME_TABLE, same["chance"], *same[INTERVAL], True),
-        (by_user, "user named", near["chance"], *near[INTERVAL], reachable),
-        (by_user, "silhouette", 0.0, *silhouette[INTERVAL], False),  # true demonstrations: no model can do better
+        ("clusters in a table", SAME_TABLE, same["chance"], *same[interval], True),
+        ("clusters by user", "user named", near["chance"], *near[interval], reachable),
+        ("clusters by user", "silhouette", 0.0, *silhouette[interval], False),  # of the truth: no model does better
     ]
     for measure in dict.fromkeys(measure for measure, _ in gains):
         ours, *others = (gain for (name, _), gain in gains.items() if name == measure)
         claim = "overlap" if measure == "overlap" else "varied samples"
-        interval = ours.effect[0], ours.ci_low[0], ours.ci_high[0]
-        rows.append((claim, f"gain in {measure}", 0.0, *interval, any(x.ci_low[0] > 0 for x in others)))
+        reached = any(x.ci_low[0] > 0 for x in others)
+        rows.append((claim, f"gain in {measure}", 0.0, *ours.row().values(), reached))
     frame = pd.DataFrame(rows, columns=["claim", "measure", "bar", "ours", "ci_low", "ci_high", "reachable"])
     given = frame[["bar", "ci_low", "ci_high", "reachable"]].to_numpy()
     return frame.assign(variant=next(iter(gains))[1], verdict=[judge(*row) for row in given])

@@ -30,13 +30,12 @@ def true_removals(margins: dict) -> Removals:
 
 
 @pytest.mark.parametrize("margins", [CAREFUL, NORMAL])
-def test_an_item_too_near_is_sufficient_and_the_only_one_is_necessary(margins: dict):
+def test_the_only_item_too_near_is_necessary(margins: dict):
     truth = true_removals(margins)
     margin = np.array([np.nan if margins[s] is None else margins[s] for s in SYMBOLS] + [np.nan])
     near = LAYOUTS.present[:, None] & (clearance(LAYOUTS, Z_THETA) <= margin[LAYOUTS.symbol][:, None])
     invalid, single = near.any(-1), near.sum(-1) == 1
     np.testing.assert_array_equal(truth.factual == 0, invalid)
-    np.testing.assert_array_equal(truth.sufficiency, near.astype(float))
     np.testing.assert_array_equal(truth.necessity[invalid], (near & single[..., None])[invalid].astype(float))
     np.testing.assert_array_equal(attribute(truth.necessity), np.where(single, near.argmax(-1), NO_SINGLE_CAUSE))
     assert single.any() and (~single & invalid).any()
@@ -46,9 +45,9 @@ def test_an_item_too_near_is_sufficient_and_the_only_one_is_necessary(margins: d
 def test_models_that_know_the_truth_are_never_wrong(margins: dict):
     truth = true_removals(margins)
     chances = baselines(attribute(truth.necessity), LAYOUTS.present, clearance(LAYOUTS, Z_THETA))
-    of_seeds = (np.repeat(part[None], 3, axis=0) for part in (truth.factual, truth.empty, truth.without, truth.alone))
+    of_seeds = (np.repeat(part[None], 3, axis=0) for part in (truth.factual, truth.empty, truth.without))
     row = score_attributions(Removals(*of_seeds), truth, chances)
-    for name in ("right", "ci_low", "ci_high", "overdetermined_right", "recall"):
+    for name in ("right", "ci_low", "ci_high", "recall"):
         assert row[name] == 1, name
     assert row["rejected"] == (truth.factual == 0).sum() and row["empty_rejected"] == 0
     assert 1 / 3 <= row["baseline_random_item"] < row["baseline_nearest_item"] <= 1

@@ -8,11 +8,12 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_arrays, write_table
-from pipeline.artifacts.scenes import train_pool
+from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.params import compose
 from pipeline.stages.readings import COLUMNS, FIT, MODEL, RANDOM, _curve, main  # noqa: F401  # main: of the fixture `out`
-from pipeline.training.judged_sets import POOLS
+from pipeline.training.judged_sets import HELD_OUT, OWN, POOLS, draw_judged_sets
+from pipeline.world.rules import clearance, slack
 from tests.factories import rendered_scenes
 
 pytestmark = pytest.mark.slow
@@ -69,3 +70,18 @@ def test_intervals_of_new_tables_take_the_scenes_as_chance_and_unseen_items_too(
     assert width["few_routes_4cm", "new_items"] > 1.5 * width["few_routes_4cm", "new_scenes"] > 0
     assert 0 < width["few_routes_4cm", "held_out"] < width["few_routes_4cm", "new_scenes"]
     assert curve.loc[curve["reading"] == RANDOM, "ci_low"].isna().all()
+
+
+def test_labels_are_true_and_no_judged_path_was_shown(cfg: DictConfig):
+    scenes, families = read_scenes(Path(cfg.paths.scenes)), np.array(cfg.readings.families)
+    shown = list(draw_judged_sets(cfg, scenes))
+    assert len(shown) == len(cfg.readings.clear_cm) * len(cfg.users) * len(cfg.protocol.seeds)
+    for x in shown:
+        for split, (z, valid) in x.judged.items():
+            layouts = scenes.layouts[POOLS.get(split, train_pool(x.seed))]
+            np.testing.assert_array_equal(slack(layouts, clearance(layouts, z), cfg.users[x.user]) > 0, valid)
+            far = np.linalg.norm(z[:, :, None] - families, axis=-1).min(-1)
+            assert far.max() <= cfg.readings.family_radius + 1e-9
+        demos, held_out = (x.judged[split][0] for split in (OWN, HELD_OUT))
+        np.testing.assert_array_equal(x.z_theta, demos)
+        assert np.linalg.norm(demos[:, :, None] - held_out[:, None], axis=-1).min() > 0

@@ -56,7 +56,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 @pytest.fixture(scope="module")
 def chosen(cfg: DictConfig) -> tuple[stage.Scenes, np.ndarray, np.ndarray]:
-    """The scenes, the doses [m] and the chosen candidates (symbol, scene, dose, path)."""
+    """The scenes, the doses [m] and the chosen candidates (symbol, scene, dose)."""
     study, scenes = cfg.studies.safety.envelope, stage.read_envelope_scenes(cfg)
     doses = dose_grid(study.step, study.doses)
     return scenes, doses, stage.choose_paths(cfg, scenes, doses)
@@ -76,13 +76,12 @@ def test_chosen_paths_have_the_dose_and_are_clear_of_other_items(cfg: DictConfig
     scenes, doses, paths = chosen
     study = cfg.studies.safety.envelope
     for symbol, layouts in enumerate(scenes.added.layouts):
-        z = np.take_along_axis(scenes.z_theta, paths[symbol].reshape(SCENES, -1)[..., None], axis=1)
-        distance = clearance(layouts, z).reshape(*paths.shape[1:], -1)
+        distance = clearance(layouts, np.take_along_axis(scenes.z_theta, paths[symbol][..., None], axis=1))
         last = layouts.present.sum(1) - 1
         has_dose = paths[symbol] >= 0
         to_added = distance[np.arange(SCENES), ..., last]
-        to_others = np.where(np.arange(distance.shape[-1]) == last[:, None, None, None], np.inf, distance).min(-1)
-        assert (np.abs(to_added - doses[:, None])[has_dose] <= study.step / 2 + 1e-12).all()
+        to_others = np.where(np.arange(distance.shape[-1]) == last[:, None, None], np.inf, distance).min(-1)
+        assert (np.abs(to_added - doses)[has_dose] <= study.step / 2 + 1e-12).all()
         assert (to_others[has_dose] >= study.clear_of_others).all()
 
 

@@ -4,15 +4,13 @@ import pytest
 
 from pipeline.params import validate
 from pipeline.runtime.errors import InputError
-from pipeline.world.layout import SYMBOLS
 from tests.factories import composed, with_value
 
-MARGINS = "{" + ", ".join(f"{symbol}: null" for symbol in SYMBOLS) + "}"
 WRONG = {  # study: values of its settings, each refused by the setting's name
-    "counterfactuals": "scenes=1000 | moved_scenes=7 | split=seen_scenes | example_variant=best",
+    "counterfactuals": "scenes=1000 | split=seen_scenes | example_variant=best",
     "execution": "grip_m=0.0 | physics={walk: [full]} | shown_scene=1000 | shaker.below_m=0.2",
-    "fairness": "scenes={full: [20]} | scenes.full=[12, 6] | scenes_seeds=1 | seen_scenes=7 | clear_cm=[4, 0]",
-    "users": "draws=0 | level=1.0 | samples=0 | neighbours=0 | reported=[1, 1000] | stranger=" + MARGINS,
+    "fairness": "scenes={full: [20]} | scenes.full=[12, 6] | scenes_seeds=1 | seen_scenes=7",
+    "users": "draws=0 | samples=0 | samples=1000 | neighbours=0",
     "perception": "pictures=0 | rendered=[] | headlines.taught_tops=train",
     "refutation": "scenes=3 | far_m=0.04 | pieces=[3] | world.gap_m=[0.001, 0.04] | world.glasses=3 | "
     "world.doses=[0, 0.5]",
