@@ -42,12 +42,8 @@ def refit_and_predict(
     cfg: DictConfig, training_sets: Sets, images: Images, z_theta: Float[Array, "scene path 2"], desc: str
 ) -> dict[str, Float32[Array, "training_set scene path"]]:
     """Fit every variant to its training sets; return each model's P(valid) of every path [m] in its image."""
-    p = refit(cfg, training_sets, partial(_predict, images, z_theta), desc)
+    p = refit(cfg, training_sets, lambda model, _: model.probability(images, z_theta), desc)
     return {variant: np.stack(p_of_variant) for variant, p_of_variant in p.items()}
-
-
-def _predict(images: Array, z_theta: Array, model: ValidityModel, _: TrainingSet) -> Float32[Array, "scene path"]:
-    return model.probability(images, z_theta)
 
 
 def refit(
