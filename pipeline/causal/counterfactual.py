@@ -144,7 +144,8 @@ def score_attributions(model: Removals, truth: Removals, chances: Mapping[str, A
     as_true = (same_side & (model.necessity <= DECISION)).all(-1)
     scores = {"rejected": float(rejected.sum() / len(rejected)), "recall": float(rejected.sum() / invalid.sum())}
     scores |= {"single": float(single.sum() / rejected.sum())}
-    scores |= mean_with_interval("right", attribute(model.necessity) == cause, single, prefix="")
+    right = mean_with_interval("right", attribute(model.necessity) == cause, single)
+    scores |= {name.removeprefix("right_"): value for name, value in right.items()}
     scores |= {f"baseline_{name}": mean(chance, single) for name, chance in chances.items()}
     scores |= mean_with_interval("overdetermined_right", as_true, several)
     return scores | {"empty_rejected": mean(model.empty <= DECISION, rejected)}
@@ -155,12 +156,10 @@ def mean(values: Array, mask: Bool[Array, "*b"]) -> float:
     return float(np.broadcast_to(values, mask.shape)[mask].mean()) if mask.any() else np.nan
 
 
-def mean_with_interval(
-    name: str, values: Array, mask: Bool[Array, "seed scene *b"], prefix: str | None = None
-) -> dict[str, float]:
+def mean_with_interval(name: str, values: Array, mask: Bool[Array, "seed scene *b"]) -> dict[str, float]:
     """Return `mean` and its 95 % interval over seeds crossed with scenes; shares are clipped to [0, 1].
 
-    The bounds, `prefix`ci_low and `prefix`ci_high (default: `name`_), are NaN below MIN_PAIRS or MIN_SCENES.
+    The bounds, `name`_ci_low and `name`_ci_high, are NaN below MIN_PAIRS or MIN_SCENES.
     """
     axes, ends = tuple(range(2, mask.ndim)), np.full(2, np.nan)
     count = mask.sum(axes)  # (seed, scene)
@@ -169,5 +168,4 @@ def mean_with_interval(
         ends = np.array([e.ci_low[0], e.ci_high[0]])
         ends = ends.clip(0, 1) if values.dtype == bool else ends
     low, high = ends.tolist()
-    prefix = f"{name}_" if prefix is None else prefix
-    return {name: mean(values, mask), f"{prefix}ci_low": low, f"{prefix}ci_high": high}
+    return {name: mean(values, mask), f"{name}_ci_low": low, f"{name}_ci_high": high}

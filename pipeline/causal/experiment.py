@@ -128,7 +128,7 @@ def local_verdicts(plan: pd.DataFrame, answers: Mapping[int, bool], last: int = 
     stage counts as its look. Columns: kind; look, 1 for the first; pairs; effect; ci_low, ci_high (95 % over all
     looks); ci90_low, ci90_high (for equivalence); beyond_sticker (effect less the sticker's, in the same pairs);
     p_holm (over kinds, the larger one of both contrasts); verdict. An effect that is not significant in both contrasts
-    `undecided`. So is everything if all answers are the same: nothing then shows that the person looks.
+    is `undecided`. So is everything if all answers are the same: nothing then shows that the person looks.
     """
     names = [UNCHANGED, STICKER, *sorted(set(plan["condition"]) - {UNCHANGED, STICKER, EXTRA})]
     stage, varied = plan["stage"].to_numpy(), len(set(answers.values())) > 1

@@ -7,13 +7,11 @@ this are the displacement's offsets, without the first and the last: the ends st
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import norm, qmc
-from torch import Tensor
 
 from pipeline.planning.nearest import LogValid
 from pipeline.world.bezier import bernstein
 
 Array = np.ndarray
-Offsets = Float[Tensor, "*curve offset 2"]  # [m]
 DEGREE, POINTS = 5, 161  # points evenly along a curve, as the clearance model reads it
 CANDIDATES, FIRST_M, ROUNDS = 512, 0.35, 8  # displacements that a search tries at once; each round tries half as far
 
