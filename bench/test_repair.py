@@ -15,11 +15,12 @@ from pipeline.params import compose
 from pipeline.planning.nearest import by_model, nearest
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Schedule
-from pipeline.world.bezier import as_controls, bezier, random_z_theta
+from pipeline.world.bezier import bezier, random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
+from tests.factories import as_controls
 
 TRAINING, SCENES, STARTS, ALONE = 20, 100, 10, 20  # scenes; scenes and starts per scene; starts one at a time
 POINTS = 200  # of a path that is given as a polyline

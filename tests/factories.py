@@ -63,6 +63,12 @@ def _composed(*overrides: str) -> DictConfig:
     return compose(list(overrides))
 
 
+def as_controls(z_theta: np.ndarray) -> np.ndarray:
+    """The three control points [m] of the paper's paths."""
+    ends = [np.broadcast_to(end, z_theta.shape) for end in (P_INIT, P_F)]
+    return np.stack([ends[0], z_theta, ends[1]], axis=-2)
+
+
 def composed(*overrides: str) -> DictConfig:
     """What `compose` gives, composed once for all tests: a copy that a test may change."""
     return _composed(*overrides).copy()

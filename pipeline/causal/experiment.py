@@ -37,12 +37,13 @@ SMALLEST_LOCAL_EFFECT = 0.25  # smallest local effect of interest: one answer in
 LOOKS = 13, 20, 27  # pairs after which the data are looked at
 SPENT = 0.032, 0.009, 0.009  # of the two-sided level of effects; eight pairs that all change pass at the first look
 EQUIVALENCE_LEVEL = 0.042  # one-sided, at each look
-STICKER_PAIRS = 10  # pairs with a sticker before the first look; more only where an effect waits for them
+WITHOUT_STICKER = range(10, LOOKS[0])  # pairs: ten stickers do before the first look, unless an effect waits for more
 BLOCK = 4  # pairs that are mixed in random order: whoever stops early has whole pairs
 REPEATED, LEAST_BETWEEN = 0.1, 6  # share of trials that are asked again, and trials in between
 STOPS = "effect", "negligible"  # verdicts that stand
 DISTANCES_M = 0.0, 0.01, 0.02, 0.03, 0.04, 0.08  # lower ends of intervals of clearance
 DELTAS = np.linspace(-1, 1, 201)
+BOUNDS = "ci_low", "ci_high", "ci90_low", "ci90_high"
 Change = Int[Array, " pair"]  # of the answer with the item over that without: -1, 0 or 1
 Scenes = Int[Array, " pair"]
 
@@ -57,31 +58,30 @@ def design(rng: np.random.Generator, kinds: Sequence[str], scene: Scenes, extra:
     """
     rows: list[dict] = []
     stages = np.searchsorted(LOOKS, np.arange(len(scene)), side="right")
-    blocks = [part for s in range(len(LOOKS)) for part in _blocks(np.flatnonzero(stages == s))]
-    shuffled = np.array_split(rng.permutation(len(extra)), sum(stages[block[0]] == 0 for block in blocks) or 1)
-    for i, block in enumerate(blocks):
-        stage = int(stages[block[0]])
-        trials = [
-            (int(p), c, -1) for p in block for c in (UNCHANGED, STICKER, *kinds) if c != STICKER or p not in _rest
-        ]
-        trials += [(-1, EXTRA, int(e)) for e in (shuffled[i] if i < len(shuffled) else ())]
-        _append(rng, rows, stage, True, trials, scene, extra)
-    for block in _blocks(np.arange(len(scene))):
-        _append(rng, rows, len(LOOKS), False, [(int(p), kind, -1) for p in block for kind in kinds], scene, extra)
+    parts = [(s, np.flatnonzero(stages == s)) for s in range(len(LOOKS))] + [(len(LOOKS), np.arange(len(scene)))]
+    blocks = [(s, b.tolist()) for s, pairs in parts for b in np.array_split(pairs, max(1, len(pairs) // BLOCK))]
+    first = sum(stage == 0 for stage, _ in blocks)  # blocks before the first look
+    extras = [*np.array_split(rng.permutation(len(extra)), first), *[np.zeros(0, int)] * (len(blocks) - first)]
+    for (stage, block), among in zip(blocks, extras, strict=True):
+        near = stage < len(LOOKS)
+        conditions = (UNCHANGED, STICKER, *kinds) if near else kinds
+        trials = [(p, c, -1) for p in block for c in conditions if c != STICKER or p not in WITHOUT_STICKER]
+        trials += [(-1, EXTRA, e) for e in among.tolist()]
+        scenes = [int(scene[pair]) if pair >= 0 else int(extra[e]) for pair, _, e in trials]
+        begin = len(rows)
+        for i in _apart(rng, scenes):
+            pair, condition, e = trials[i]
+            row = {"stage": stage, "pair": pair, "scene": scenes[i], "condition": condition, "near": near, "extra": e}
+            rows.append(row | {"repeats": -1})
+        early = range(begin, max(begin + 1, len(rows) - LEAST_BETWEEN))
+        count = min(len(early), int(REPEATED * len(trials) + rng.uniform()))
+        rows += [rows[i] | {"repeats": i} for i in sorted(rng.choice(early, count, replace=False).tolist())]
     return pd.DataFrame(rows, columns=["stage", "pair", "scene", "condition", "near", "extra", "repeats"])
 
 
-_rest = range(STICKER_PAIRS, LOOKS[0])  # pairs before the first look without a sticker
-
-
-def _blocks(pairs: Array) -> list[Array]:
-    return np.array_split(pairs, max(1, len(pairs) // BLOCK))
-
-
-def _append(rng, rows: list[dict], stage: int, near: bool, trials: list[tuple], scene: Array, extra: Sequence) -> None:
-    """Append trials in random order, none after one of its own scene if that can be avoided, then ask some again."""
-    scenes = [int(scene[pair]) if pair >= 0 else int(extra[e]) for pair, _, e in trials]
-    left, order = rng.permutation(len(trials)).tolist(), list[int]()
+def _apart(rng: np.random.Generator, scenes: Sequence[int]) -> list[int]:
+    """Return the positions of trials in random order, none after one of its own scene if that can be avoided."""
+    left, order = rng.permutation(len(scenes)).tolist(), list[int]()
     while left:
         last = scenes[order[-1]] if order else -1
         common, count = Counter(scenes[i] for i in left).most_common(1)[0]
@@ -89,15 +89,7 @@ def _append(rng, rows: list[dict], stage: int, near: bool, trials: list[tuple], 
         pick = next((i for i in left if scenes[i] != last and (not rush or scenes[i] == common)), left[0])
         left.remove(pick)
         order.append(pick)
-    begin = len(rows)
-    for i in order:
-        pair, condition, e = trials[i]
-        row = {"stage": stage, "pair": pair, "scene": scenes[i], "condition": condition, "near": near, "extra": e}
-        rows.append(row | {"repeats": -1})
-    early = range(begin, max(begin + 1, len(rows) - LEAST_BETWEEN))
-    count = min(len(early), int(REPEATED * len(trials) + rng.uniform()))
-    for i in sorted(rng.choice(early, count, replace=False).tolist()):
-        rows.append(rows[i] | {"repeats": i})
+    return order
 
 
 def due(plan: pd.DataFrame, answers: Mapping[int, bool]) -> list[int]:
@@ -115,15 +107,11 @@ def due(plan: pd.DataFrame, answers: Mapping[int, bool]) -> list[int]:
             return left
         wanted = set(condition)
         if step < len(LOOKS) - 1:
-            open_kinds = [
-                r for r in _verdicts(plan, answers, step) if r["verdict"] not in STOPS and r["kind"] != STICKER
-            ]
-            changes = any(abs(row["effect"]) >= SMALLEST_LOCAL_EFFECT for row in open_kinds)
-            wanted = {
-                *(row["kind"] for row in open_kinds),
-                *([UNCHANGED] if open_kinds else []),
-                *([STICKER] if changes else []),
-            }
+            table = local_verdicts(plan, answers, step)
+            table = table[~table["verdict"].isin(STOPS) & (table["kind"] != STICKER)]
+            wanted = {*table["kind"], UNCHANGED} if len(table) else set()
+            if (table["effect"].abs() >= SMALLEST_LOCAL_EFFECT).any():
+                wanted.add(STICKER)
     return []
 
 
@@ -133,8 +121,8 @@ def answered(plan: pd.DataFrame, answers: Mapping[int, bool]) -> pd.DataFrame:
     return plan.iloc[rows].assign(answer=[bool(answers[i]) for i in rows])
 
 
-def local_verdicts(plan: pd.DataFrame, answers: Mapping[int, bool]) -> pd.DataFrame:
-    """Return one row for each kind, and for the sticker, with the local effect and its verdict.
+def local_verdicts(plan: pd.DataFrame, answers: Mapping[int, bool], last: int = len(LOOKS) - 1) -> pd.DataFrame:
+    """Return one row for each kind, and for the sticker, with the local effect and its verdict, up to a `last` look.
 
     It is that of the look that decided: the first at which the verdict stands, or the last one reached; an unfinished
     stage counts as its look. Columns: kind; look, 1 for the first; pairs; effect; ci_low, ci_high (95 % over all
@@ -142,37 +130,23 @@ def local_verdicts(plan: pd.DataFrame, answers: Mapping[int, bool]) -> pd.DataFr
     p_holm (over kinds, the larger one of both contrasts); verdict. An effect that is not significant in both contrasts
     is `undecided`. So is everything if all answers are the same: nothing then shows that the person looks.
     """
-    return pd.DataFrame(_verdicts(plan, answers, len(LOOKS) - 1))
-
-
-def _verdicts(plan: pd.DataFrame, answers: Mapping[int, bool], last: int) -> list[dict]:
-    """Return the rows of `local_verdicts` up to a look."""
     names = [UNCHANGED, STICKER, *sorted(set(plan["condition"]) - {UNCHANGED, STICKER, EXTRA})]
     stage, varied = plan["stage"].to_numpy(), len(set(answers.values())) > 1
     matrix, scene = _matrix(plan, answers, names, True)
-    reached = min(last, int(stage[list(answers)].max(initial=0)))
     rows: list[dict] = []
-    for look in range(reached + 1):
-        pairs = LOOKS[look]
-        now = _effects(names, matrix[:, :pairs], scene[:pairs], look, varied)
-        rows = [
-            old if old["verdict"] in STOPS and old["kind"] != STICKER else new
-            for old, new in zip(rows or now, now, strict=True)
-        ]
-    return rows
+    for look in range(min(last, int(stage[list(answers)].max(initial=0))) + 1):
+        now = _effects(names, matrix[:, : LOOKS[look]], scene[: LOOKS[look]], look, varied)
+        stands = [row["verdict"] in STOPS and row["kind"] != STICKER for row in rows or now]
+        rows = [old if stand else new for old, stand, new in zip(rows or now, stands, now, strict=True)]
+    return pd.DataFrame(rows)
 
 
 def _matrix(plan: pd.DataFrame, answers: Mapping[int, bool], names: Sequence[str], near: bool) -> tuple[Array, Scenes]:
     """Return the answers (condition, pair), 0 or 1, NaN where none is, and each pair's scene; repeats do not count."""
-    pair, is_near = plan["pair"].to_numpy(), plan["near"].to_numpy(bool)
+    pair, conditions, repeats, is_near = (plan[c].to_numpy() for c in ("pair", "condition", "repeats", "near"))
     table = np.full((len(names), max(int(pair.max(initial=0)) + 1, LOOKS[-1])), np.nan)
-    scene = np.zeros(table.shape[1], int)
+    scene, row = np.zeros(table.shape[1], int), {name: i for i, name in enumerate(names)}
     scene[pair[pair >= 0]] = plan["scene"].to_numpy()[pair >= 0]
-    conditions, repeats, row = (
-        plan["condition"].to_numpy(),
-        plan["repeats"].to_numpy(),
-        {n: i for i, n in enumerate(names)},
-    )
     for i, answer in answers.items():
         name = conditions[i]
         if name in row and repeats[i] < 0 and is_near[i] == (near or name == UNCHANGED):
@@ -191,19 +165,16 @@ def _effects(
         changes = [one[~np.isnan(one)].astype(int) for one in differences]
         contrasts.append([sign_flip(*contrast) for contrast in zip(changes, scenes, strict=True)])
         effect, beyond = (float(change.mean()) if len(change) else np.nan for change in changes)
+        levels = SPENT[look] / 2, EQUIVALENCE_LEVEL
+        bounds = [bound for level in levels for bound in interval(changes[0], scenes[0], level)]
         row = {"kind": name, "look": look + 1, "pairs": len(changes[0]), "effect": effect}
-        row |= dict(zip(("ci_low", "ci_high"), interval(changes[0], scenes[0], SPENT[look] / 2), strict=True))
-        row |= dict(zip(("ci90_low", "ci90_high"), interval(changes[0], scenes[0], EQUIVALENCE_LEVEL), strict=True))
-        rows.append(row | {"beyond_sticker": beyond})
+        rows.append(row | dict(zip(BOUNDS, bounds, strict=True)) | {"beyond_sticker": beyond})
     adjusted = [contrasts[0][0], *holm(np.max(contrasts[1:], axis=1)).tolist()] if len(rows) > 1 else [contrasts[0][0]]
     for row, p in zip(rows, adjusted, strict=True):
-        word = verdict(*(row[end] for end in _ENDS), smallest=SMALLEST_LOCAL_EFFECT)
+        word = verdict(*(row[bound] for bound in BOUNDS), smallest=SMALLEST_LOCAL_EFFECT)
         unproven = word in ("effect", "present") and p >= SPENT[look]
         row |= {"p_holm": p, "verdict": "undecided" if unproven or not varied else word}
     return rows
-
-
-_ENDS = ["ci_low", "ci_high", "ci90_low", "ci90_high"]
 
 
 def interval(change: Change, scene: Scenes, level: float) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.stats.crossed import Effects, Estimates, Items, estimate, items_held
-from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm, true_verdict, verdict
+from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm, verdict
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import PAPER_P_VALID
 
@@ -63,7 +63,7 @@ def compare_with_truth(
     table = estimate_effects(intervened - baseline, items)
     table["baseline"], table["intervened"] = baseline.mean((1, 2)), intervened.mean((1, 2))
     table["truth"] = (true_intervened - true_baseline).mean(-1)
-    table["truth_verdict"] = [true_verdict(effect) for effect in table["truth"]]
+    table["truth_verdict"] = ["effect" if abs(effect) > SMALLEST_EFFECT else "negligible" for effect in table["truth"]]
     same_sign = np.sign(table["effect"]) == np.sign(table["truth"])
     table["right"] = (table["verdict"] == table["truth_verdict"]) & (same_sign | (table["verdict"] == "negligible"))
     return table

@@ -1,7 +1,6 @@
 """Build models from a variant's settings (conf/variants), load fitted ones and predict with all of them."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -71,12 +70,12 @@ def predict_all(
     cfg: DictConfig, users: Sequence[str], images: Images, z_theta: Float[Array, "scene path 2"], desc: str
 ) -> dict[str, Float[Array, "user seed scene path"]]:
     """Return P(valid) of every path [m] in its image by each variant's models of these users at main_n_demos."""
+
+    def predict(model: tuple[str, str]) -> Float[Array, "seed scene path"]:
+        models = (load_model(cfg, *model, seed, cfg.main_n_demos) for seed in cfg.protocol.seeds)
+        return np.stack([model.probability(images, z_theta) for model in models])
+
     longest_first = [(variant, user) for variant in reversed(list(cfg.variants)) for user in users]
-    p = map_jobs(partial(_predict, cfg, images, z_theta), longest_first, cfg.workers, desc)
+    p = map_jobs(predict, longest_first, cfg.workers, desc)
     by_model = dict(zip(longest_first, p, strict=True))
     return {variant: np.stack([by_model[variant, user] for user in users]) for variant in cfg.variants}
-
-
-def _predict(cfg: DictConfig, images: Array, z_theta: Array, model: tuple[str, str]) -> Float[Array, "seed scene path"]:
-    models = (load_model(cfg, *model, seed, cfg.main_n_demos) for seed in cfg.protocol.seeds)
-    return np.stack([model.probability(images, z_theta) for model in models])

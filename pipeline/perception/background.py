@@ -20,7 +20,9 @@ def subtract_background(images: Pixels) -> tuple[Pixels, Float[Tensor, "scene 3 
     """
     sample = images[..., ::STRIDE, ::STRIDE]
     colours = sample.flatten(2).mT  # (scene, pixel, 3)
-    place = _quadratic(images.shape[-1]).to(colours)  # (row, column, 6)
+    axis = torch.linspace(-1, 1, images.shape[-1])
+    y, x = torch.meshgrid(axis, axis, indexing="ij")
+    place = torch.stack([torch.ones_like(x), x, y, x * y, x * x, y * y], dim=-1).to(colours)  # (row, column, 6)
     sampled_place = place[::STRIDE, ::STRIDE].flatten(0, 1)  # (pixel, 6)
     residual = colours - colours.median(1, keepdim=True).values
     surface = torch.zeros(len(images), 6, 3).to(colours)
@@ -40,10 +42,3 @@ def _is_table(residual: Float[Tensor, "scene pixel 3"]) -> Float[Tensor, "scene 
     """Return 1 for the MIN_TABLE_SHARE of the pixels closest to the table's colour, 0 for the others."""
     distance = residual.norm(dim=-1)
     return (distance <= distance.quantile(MIN_TABLE_SHARE, dim=-1, keepdim=True)).to(residual)[..., None]
-
-
-def _quadratic(side: int) -> Float[Tensor, "row column 6"]:
-    """Return 1, x, y, xy, x^2, y^2 at every pixel, with x and y from -1 to 1."""
-    axis = torch.linspace(-1, 1, side)
-    y, x = torch.meshgrid(axis, axis, indexing="ij")
-    return torch.stack([torch.ones_like(x), x, y, x * y, x * x, y * y], dim=-1)

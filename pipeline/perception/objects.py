@@ -165,15 +165,15 @@ class _Picture:
 
     def is_noise(self, outline: "Outline") -> bool:
         """Return whether the pixels in and beside an outline are in no order, as no object's are."""
-        mask = np.zeros((SIDE, SIDE), np.uint8)
-        mask[_pixels_of(*_points_of(outline))] = 1
+        mask, (x, y) = np.zeros((SIDE, SIDE), np.uint8), outline.points()
+        mask[y.astype(int), x.astype(int)] = 1
         around = cv2.dilate(mask, SQUARE) > 0
         return bool(self.unlike[around].mean() / self.colours[around].var(0).sum() >= MAX_TEXTURE_DISORDER)
 
     def describe(self, outline: "Outline") -> Object:
         """Return the object within an outline."""
-        x, y = _points_of(outline)
-        covered = _pixels_of(x, y)
+        x, y = outline.points()
+        covered = y.astype(int), x.astype(int)
         capsule = fit_capsule(np.stack([x, SIDE - y], -1) / SIDE, SUPERSAMPLING * SIDE)
         share = np.clip(self.maps.see_through[covered].mean(), SURE, 1 - SURE)
         length = 2 * (np.linalg.norm(capsule.half) + capsule.radius)
@@ -181,17 +181,6 @@ class _Picture:
         seen = [np.log(share / (1 - share)), np.log(max(float(self.contrast[covered].mean()), MIN_CONTRAST))]
         ends = np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half])
         return Object(ends, capsule.radius, np.array([*sizes, *seen]), self.maps.looks[:, *covered].mean(1))
-
-
-def _points_of(outline: "Outline") -> tuple[Array, Array]:
-    """Return x and y of an outline's points [pixels of the image]."""
-    rows, columns = np.nonzero(outline.mask)
-    return (outline.column + columns + 0.5) / SUPERSAMPLING, (outline.row + rows + 0.5) / SUPERSAMPLING
-
-
-def _pixels_of(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return row and column of the pixel that holds each point."""
-    return y.astype(int), x.astype(int)
 
 
 @lru_cache(maxsize=4096)  # 30 kB each; all models use the same images
@@ -210,6 +199,11 @@ class Outline(NamedTuple):
     mask: FineMask  # within its bounding box
     row: int  # of the box's corner on the finer grid
     column: int
+
+    def points(self) -> tuple[Array, Array]:
+        """Return x and y of its points [pixels of the image]."""
+        rows, columns = np.nonzero(self.mask)
+        return (self.column + columns + 0.5) / SUPERSAMPLING, (self.row + rows + 0.5) / SUPERSAMPLING
 
 
 def find_outlines(maps: Maps) -> list[Outline]:

@@ -24,10 +24,7 @@ CHANNELS = 32, 64, 128, 192  # at 1/2, 1/4, 1/8 and 1/16 of the image's resoluti
 MAPS = ("item", "between", "see_through")  # what the first outputs say of a pixel, see `Maps`
 LOOKS = ("bowl", "plate", "cutlery", "cup", "bottle", "other")  # what an item looks like: the other outputs
 INPUTS = 7  # colours, differences from the empty table's colours, and whether that is known
-TURNS, AXES = (
-    3,
-    (-2, -1),
-)  # an image is seen turned by so many quarter turns, and the outputs are averaged: one turn takes 12 ms
+TURNS, AXES = 3, (-2, -1)  # the outputs are means over an image's first quarter turns: one takes 12 ms
 STRIDE = 3  # median and spread are those of every third row and column
 Pictures = Float32[Array, "scene 100 100 3"]  # [1 = white]
 MIN_SPREAD = 4 / 255  # smallest standard deviation by which colours are divided [1 = white]: sensor noise

@@ -44,6 +44,8 @@ def nearest(
         best, log_p, each = z0, log_valid(scene, z0), np.arange(len(z0))
         for level in range(-1, refinements):
             score = log_p - distance_penalty * np.linalg.norm(best - z0, axis=-1)
+            if (score >= 0).all():
+                break  # no log P(valid) is higher
             if level < 0:
                 candidates = np.broadcast_to(coarse, (len(z0), *coarse.shape))  # (start, candidate, 2)
                 log_p_candidates = np.broadcast_to(log_valid(scene, coarse), candidates.shape[:2])

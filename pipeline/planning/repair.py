@@ -18,6 +18,7 @@ from pipeline.runtime.roots import square_root
 from pipeline.runtime.settings import Count, Group, Size
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
+Starts = Float[Array, "scene start 2"] | Float[Array, "scene start point 2"]  # z_theta, or points of curves [m]
 DECAY, SQUARES_DECAY, EPSILON = 0.9, 0.999, 1e-8  # beta_1, beta_2 and epsilon of Adam (Kingma and Ba, 2015)
 
 
@@ -41,25 +42,19 @@ class Repairs:
     p: Float[Array, "scene start point"]  # P(valid) by the model at these points, float32
 
 
-def repair(
-    model: ValidityModel,
-    images: Images | Objects,
-    starts: Float[Array, "scene start 2"] | Float[Array, "scene start point 2"],
-    ascent: Ascent,
-    free_ends: bool = False,
-) -> Repairs:
+def repair(model: ValidityModel, images: Images | Objects, starts: Starts, ascent: Ascent) -> Repairs:
     """Take `ascent.steps` steps from each start [m] along Delta = d log-odds(v = 1) / d z_theta; return all points.
 
     The paper's Delta (Section "Problem Formulation") is the gradient of C_s. The gradient of the log-odds has the same
     direction but does not vanish where p is near 0 or 1. Starts and steps are clipped to the z_theta square.
     The model perceives each scene once; starts do not affect each other. Curves, given by their points, take steps in
-    the offsets of `planning.bumps`, with their ends fixed unless `free_ends`; nothing clips them.
+    the offsets of `planning.bumps`; nothing clips them.
     """
     with torch.no_grad():
         percept = model.eval().see(images)
     given = torch.as_tensor(np.asarray(starts, dtype=np.float32))
     if given.ndim == 4:
-        curves, b = resample(given, POINTS), torch.from_numpy(basis(free_ends)).float()
+        curves, b = resample(given, POINTS), torch.from_numpy(basis()).float()
         z, least, most = given.new_zeros(*given.shape[:2], b.shape[1], 2), -np.inf, np.inf
 
         def logit(z: Tensor) -> Tensor:

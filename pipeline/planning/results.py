@@ -1,6 +1,6 @@
 """Invalid paths that every method of repair starts from, the table of what became of them, and its measures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -43,6 +43,12 @@ class Starts:
         scene, start = np.nonzero(~valid(layouts, candidates, margins) if chosen is None else chosen)
         nearest = nearest_valid(layouts, candidates, margins, side, refinements)[scene, start]
         return cls(user, margins, layouts, scene, start, candidates[scene, start], nearest)
+
+    def select(self, chosen: Bool[Array, "scene candidate"]) -> "Starts":
+        """Return those of the starts that are chosen."""
+        kept = chosen[self.scene, self.start]
+        parts = {name: getattr(self, name)[kept] for name in ("scene", "start", "z", "nearest")}
+        return replace(self, **parts)
 
 
 def rows(

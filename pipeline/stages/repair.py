@@ -55,11 +55,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     layouts, r = scenes.layouts[pool], cfg.repair
     candidates = random_z_theta(stream(cfg.scenes.root_seed, "repair", "starts"), len(layouts), r.starts)
     given = layouts, candidates, r.lattice_side, r.refinements
-    to_any = np.any([~valid(layouts, candidates, margins) for margins in cfg.users.values()], axis=0)
-    starts = {user: Starts.of(user, margins, *given) for user, margins in cfg.users.items()}
-    shared = {user: Starts.of(user, margins, *given, to_any) for user, margins in cfg.users.items()}
-    one_each = np.indices(candidates.shape[:2])[1] == 0
-    anywhere = {user: Starts.of(user, margins, *given, one_each) for user, margins in cfg.users.items()}
+    invalid = {user: ~valid(layouts, candidates, margins) for user, margins in cfg.users.items()}
+    to_any, first = np.any(list(invalid.values()), axis=0), np.indices(candidates.shape[:2])[1]
+    every = {user: Starts.of(user, margins, *given, first >= 0) for user, margins in cfg.users.items()}
+    starts = {user: some.select(invalid[user]) for user, some in every.items()}
+    shared = {user: some.select(to_any) for user, some in every.items()}
+    anywhere = {user: some.select(first == 0) for user, some in every.items()}
     if not to_any.any():
         raise InputError(f"no user has an invalid path among those drawn in {pool}: raise repair.starts")
     models = list(product(cfg.variants, cfg.users, cfg.protocol.seeds))

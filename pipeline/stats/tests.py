@@ -47,8 +47,3 @@ def verdict(ci_low: float, ci_high: float, ci90_low: float, ci90_high: float, sm
     if ci90_low > -smallest and ci90_high < smallest:
         return "negligible"
     return "present" if ci_low > 0 or ci_high < 0 else "undecided"
-
-
-def true_verdict(effect: float) -> str:
-    """Return the correct verdict for a known true effect."""
-    return "effect" if abs(effect) > SMALLEST_EFFECT else "negligible"

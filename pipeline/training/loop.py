@@ -1,9 +1,8 @@
 """Fitting models: training sets, one training loop with schedule and checkpoints, and how each variant is fitted."""
 
-import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import torch
@@ -11,7 +10,6 @@ from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from pydantic import Field
 from torch import Tensor, nn
-from torch.func import stack_module_state
 from torch.optim import AdamW
 from torch.optim.lr_scheduler import OneCycleLR
 
@@ -20,7 +18,6 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import Count, Group, Size, Weight
 
 MIN_OWN_DEMONSTRATIONS = 0.995  # share judged right that a converged model reaches
-Model = TypeVar("Model", bound=nn.Module)
 # The result of a loss function: the scalar to minimise (None: the gradients are already in the parameters), and
 # the loss terms before this step, one curve column each: scalars, or one value per model.
 Losses = tuple[Tensor | None, Sequence[Tensor]]
@@ -81,25 +78,6 @@ def minimise(
                 points.append(np.concatenate([np.full_like(values[:1], step), values]))
         learning_rate.step()
     return np.array(points)
-
-
-def stack_models(models: Sequence[Model]) -> Model:
-    """Return a copy of the first model whose parameters and buffers are stacked over all models on the first axis."""
-    parameters, buffers = stack_module_state(list(models))
-    stacked = copy.deepcopy(models[0])
-    for name, value in parameters.items():
-        setattr(stacked, name, nn.Parameter(value.detach(), requires_grad=value.requires_grad))
-    for name, value in buffers.items():
-        setattr(stacked, name, value)
-    return stacked
-
-
-@torch.no_grad()
-def unstack_models(parameters: Mapping[str, Tensor], models: Sequence[nn.Module]) -> None:
-    """Copy each model's slice of the stacked parameters, by name, into the model."""
-    for name, stacked in parameters.items():
-        for model, value in zip(models, stacked.unbind(), strict=True):
-            model.get_parameter(name).copy_(value)
 
 
 def pad_demonstrations(demonstrations: Sequence[Array]) -> list[Array]:

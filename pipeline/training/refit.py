@@ -1,7 +1,6 @@
 """Fit variants to other training sets, as their own stages do, for studies that need only predictions."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any, TypeVar
@@ -42,12 +41,8 @@ def refit_and_predict(
     cfg: DictConfig, training_sets: Sets, images: Images, z_theta: Float[Array, "scene path 2"], desc: str
 ) -> dict[str, Float32[Array, "training_set scene path"]]:
     """Fit every variant to its training sets; return each model's P(valid) of every path [m] in its image."""
-    p = refit(cfg, training_sets, partial(_predict, images, z_theta), desc)
+    p = refit(cfg, training_sets, lambda model, _: model.probability(images, z_theta), desc)
     return {variant: np.stack(p_of_variant) for variant, p_of_variant in p.items()}
-
-
-def _predict(images: Array, z_theta: Array, model: ValidityModel, _: TrainingSet) -> Float32[Array, "scene path"]:
-    return model.probability(images, z_theta)
 
 
 def refit(
@@ -58,6 +53,13 @@ def refit(
     Models are seeded as in their own stage. Batches are of training sets of equally many scenes, neighbours first, for
     these may share images.
     """
+
+    def fit(job: tuple[str, list[TrainingSet]]) -> list[Answer]:
+        name, sets = job
+        seeds = [job_seed(one.seed, one.user, cfg.main_n_demos, name) for one in sets]
+        models, _ = trainer(cfg.variants[name], cfg).fit_new(name, cfg.variants[name].model, sets, seeds)
+        return [evaluate(model, one) for model, one in zip(models, sets, strict=True)]
+
     batches: list[tuple[str, list[int]]] = []
     for variant, sets in training_sets.items():
         size = trainer(cfg.variants[variant], cfg).batch_size or len(cfg.protocol.seeds)
@@ -66,14 +68,7 @@ def refit(
             batches += [(variant, group[i : i + size]) for i in range(0, len(group), size)]
     jobs = [(variant, [training_sets[variant][i] for i in indices]) for variant, indices in batches]
     results: dict[str, dict[int, Answer]] = {variant: {} for variant in training_sets}
-    fitted = map_jobs(partial(_fit, cfg, evaluate), jobs, cfg.workers, desc)
+    fitted = map_jobs(fit, jobs, cfg.workers, desc)
     for (variant, indices), answers in zip(batches, fitted, strict=True):
         results[variant] |= zip(indices, answers, strict=True)
     return {variant: [by_index[i] for i in range(len(by_index))] for variant, by_index in results.items()}
-
-
-def _fit(cfg: DictConfig, evaluate: Callable, job: tuple[str, Sequence[TrainingSet]]) -> list:
-    (name, training_sets), variant = job, cfg.variants[job[0]]
-    seeds = [job_seed(t.seed, t.user, cfg.main_n_demos, name) for t in training_sets]
-    models, _ = trainer(variant, cfg).fit_new(name, variant.model, training_sets, seeds)
-    return [evaluate(model, training_set) for model, training_set in zip(models, training_sets, strict=True)]

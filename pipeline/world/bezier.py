@@ -43,12 +43,6 @@ def elevated(controls: Float[Array, "control 2"], degree: int) -> Float[Array, "
     return np.linalg.lstsq(bernstein(t, degree), bernstein(t, len(controls) - 1) @ controls, rcond=None)[0]
 
 
-def as_controls(z_theta: Float[Array, "*path 2"]) -> Float[Array, "*path 3 2"]:
-    """Return the three control points [m] of the paper's paths."""
-    ends = [np.broadcast_to(end, z_theta.shape) for end in (P_INIT, P_F)]
-    return np.stack([ends[0], z_theta, ends[1]], axis=-2)
-
-
 def random_z_theta(rng: np.random.Generator, *shape: int) -> Float[Array, "*shape 2"]:
     """Draw control points [m] uniformly on [Z_LOW, Z_HIGH]^2."""
     return rng.uniform(Z_LOW, Z_HIGH, (*shape, 2))

@@ -65,7 +65,7 @@ def fit(
     lengths = np.diff(offsets)
     if len(lengths) and lengths.min() < 3:
         raise InputError(f"trajectory {lengths.argmin()} has {lengths.min()} points: expected at least 3; leave it out")
-    ends = [np.broadcast_to(p, (len(lengths), 2)).astype(float) for p in (p_init, p_f)]
+    start, end = (np.broadcast_to(p, (len(lengths), 2)).astype(float) for p in (p_init, p_f))
     z, residual = np.empty((len(lengths), 2)), np.empty(len(lengths))
     widths = -(-lengths // PAD_SAMPLES) * PAD_SAMPLES
     alike = [(width, np.nonzero(widths == width)[0]) for width in np.unique(widths)]
@@ -73,9 +73,10 @@ def fit(
         sample = np.arange(width)
         index = offsets[rows, None] + np.minimum(sample, lengths[rows, None] - 1)  # (row, sample)
         weight = (sample < lengths[rows, None]).astype(float)
-        x, y = (points[index, i] - ends[0][rows, i, None] for i in (0, 1))
-        z[rows], residual[rows] = _Batch(x, y, weight, (ends[1] - ends[0])[rows]).solve()
-    return Fits(z + ends[0], residual, residual > poor_above_m)
+        relative = np.stack([points[index, i] - start[rows, i, None] for i in (0, 1)])
+        of_rows, residual[rows] = _Batch(relative, weight, (end - start)[rows].T).solve()
+        z[rows] = of_rows.T
+    return Fits(z + start, residual, residual > poor_above_m)
 
 
 def fit_any(
@@ -115,109 +116,97 @@ def fit_any(
 
 
 class _Batch:
-    """Trajectories relative to p_init, padded to one length with weight 0; rows do not affect each other."""
+    """Trajectories relative to p_init, padded to one length with weight 0; rows do not affect each other.
 
-    def __init__(self, x: Array, y: Array, weight: Array, end: Array, anchor: Array | None = None):
-        self.x, self.y, self.weight, self.end = x, y, weight, end  # x, y, weight: (row, sample); end: (row, 2)
-        self.count = weight.sum(1)
-        self.anchor = self.matched_lengths() if anchor is None else anchor  # z_0 (row, 2)
+    points: (axis, row, sample); weight and parameters u: (row, sample); end, anchor and z: (axis, row).
+    """
+
+    def __init__(self, points: Array, weight: Array, end: Array, anchor: Array | None = None):
+        self.points, self.weight, self.end, self.count = points, weight, end, weight.sum(1)
+        self.anchor = self.matched_lengths() if anchor is None else anchor  # z_0
 
     def __getitem__(self, rows: Array) -> "_Batch":
-        return _Batch(self.x[rows], self.y[rows], self.weight[rows], self.end[rows], self.anchor[rows])
+        return _Batch(self.points[:, rows], self.weight[rows], self.end[:, rows], self.anchor[:, rows])
 
     def solve(self) -> tuple[Array, Array]:
-        """Return the control points (row, 2) and root mean square distances (row,) at the minimum of E."""
-        z, u = self.descend(self.anchor.copy(), self.nearest(self.anchor, np.full_like(self.x, 0.5)))
-        rows = np.arange(len(z))
+        """Return the control points (axis, row) and root mean square distances (row,) at the minimum of E."""
+        z, u = self.descend(self.anchor.copy(), self.nearest(self.anchor, np.full_like(self.weight, 0.5)))
+        rows = np.arange(len(u))
         for _ in range(MAX_BRANCH_ROUNDS):
-            nearest = self[rows].nearest(z[rows], u[rows])
+            nearest = self[rows].nearest(z[:, rows], u[rows])
             wrong = (nearest != u[rows]).any(1)
             if not wrong.any():
                 break  # every sample is assigned to the nearest branch of its path
             rows = rows[wrong]
-            z[rows], u[rows] = self[rows].descend(z[rows], nearest[wrong])
-        rx, ry = self.residual(z, u)
-        return z, np.sqrt((self.weight * (rx * rx + ry * ry)).sum(1) / self.count)
+            z[:, rows], u[rows] = self[rows].descend(z[:, rows], nearest[wrong])
+        return z, np.sqrt((self.weight * (self.residual(z, u) ** 2).sum(0)).sum(1) / self.count)
 
     def matched_lengths(self) -> Array:
-        """Return z_0 (row, 2): the fit in which samples divide the path as they divide the recorded length."""
-        share = _shares(np.hypot(np.diff(self.x, axis=1), np.diff(self.y, axis=1)))[:, ::LENGTH_STRIDE]
-        x, y, weight = (values[:, ::LENGTH_STRIDE] for values in (self.x, self.y, self.weight))
-        z, grid = _closed_form(x, y, weight, self.end, share), np.linspace(0.0, 1.0, LENGTH_POINTS)
+        """Return z_0 (axis, row): the fit in which samples divide the path as they divide the recorded length."""
+        share = _shares(np.hypot(*np.diff(self.points)))[:, ::LENGTH_STRIDE]
+        sparse = self.points[..., ::LENGTH_STRIDE], self.weight[:, ::LENGTH_STRIDE], self.end
+        z, grid = _closed_form(*sparse, share), np.linspace(0.0, 1.0, LENGTH_POINTS)
         for _ in range(LENGTH_ROUNDS):
-            speed = [2 * z[:, i, None] * (1 - 2 * grid) + 2 * self.end[:, i, None] * grid for i in (0, 1)]
+            speed = 2 * z[..., None] * (1 - 2 * grid) + 2 * self.end[..., None] * grid
             fitted = _shares(np.hypot(*speed)[:, 1:])
-            u = np.stack([np.interp(*of_row, grid) for of_row in zip(share, fitted, strict=True)])
-            z = _closed_form(x, y, weight, self.end, u)
+            z = _closed_form(
+                *sparse, np.stack([np.interp(*of_row, grid) for of_row in zip(share, fitted, strict=True)])
+            )
         return z
 
     def descend(self, z: Array, u: Array) -> tuple[Array, Array]:
-        """Minimise E by damped Newton steps; return z (row, 2) and the parameters u (row, sample) at the minimum.
+        """Minimise E by damped Newton steps; return z (axis, row) and the parameters u (row, sample) at the minimum.
 
         Converged rows leave the batch.
         """
-        batch, rows, end_z, end_u = self, np.arange(len(z)), np.empty_like(z), np.empty_like(u)
+        batch, rows, end_z, end_u = self, np.arange(len(u)), np.empty_like(z), np.empty_like(u)
         u = self.foot_points(z, u, steps=4)
-        energy, damping = self.energy(z, u), np.full(len(z), 1e-3)
+        energy, damping = self.energy(z, u), np.full(len(u), 1e-3)
         for _ in range(MAX_STEPS):
             step, gain = batch.newton(z, u, damping)
             to_u = batch.foot_points(z + step, u)
             to_energy = batch.energy(z + step, to_u)
             better = to_energy <= energy
-            z = np.where(better[:, None], z + step, z)
-            u = np.where(better[:, None], to_u, u)
+            z, u = np.where(better, z + step, z), np.where(better[:, None], to_u, u)
             energy = np.where(better, to_energy, energy)
             damping = np.where(better, 0.1 * damping, 4 * damping + 1e-6)
-            end_z[rows], end_u[rows] = z, u
+            end_z[:, rows], end_u[rows] = z, u
             moving = gain > TOLERANCE * energy + 1e-30
             if not moving.any():
                 break
             if not moving.all():
                 batch, rows = batch[moving], rows[moving]
-                z, u, energy, damping = z[moving], u[moving], energy[moving], damping[moving]
+                z, u, energy, damping = z[:, moving], u[moving], energy[moving], damping[moving]
         return end_z, end_u
 
     def newton(self, z: Array, u: Array, damping: Array) -> tuple[Array, Array]:
-        """Return a Newton step (row, 2) on E with u eliminated, and the decrease of E that it predicts (row,).
+        """Return a Newton step (axis, row) on E with u eliminated, and the decrease of E that it predicts (row,).
 
         The Hessian is shifted by `damping` (row,) times its scale, and further if it is still indefinite.
         """
-        b, a = 2 * z, self.end - 2 * z
-        b1, slope = 2 * u * (1 - u), 2 - 4 * u
-        rx, ry = self.residual(z, u)
-        qx, qy = (2 * a[:, i, None] * u + b[:, i, None] for i in (0, 1))  # q'(u)
-        bend = qx * qx + qy * qy - 2 * (rx * a[:, :1] + ry * a[:, 1:])
+        a, b1, residual = (self.end - 2 * z)[..., None], 2 * u * (1 - u), self.residual(z, u)
+        tangent = 2 * a * u + 2 * z[..., None]  # q'(u)
+        bend = (tangent**2).sum(0) - 2 * (residual * a).sum(0)
         inside = self.weight * ((u > 0) & (u < 1) & (bend > 0)) / np.where(bend > 0, bend, 1.0)
-        vx, vy = b1 * qx - slope * rx, b1 * qy - slope * ry
-        w1 = self.weight * b1
-        anchor = ANCHOR_WEIGHT * self.count
-        pull = anchor[:, None] * (self.anchor - z)
-        gx, gy = (w1 * rx).sum(1) + pull[:, 0], (w1 * ry).sum(1) + pull[:, 1]
+        mixed = b1 * tangent - (2 - 4 * u) * residual
+        w1, anchor = self.weight * b1, ANCHOR_WEIGHT * self.count
+        gx, gy = (w1 * residual).sum(-1) + anchor * (self.anchor - z)
         scale = (w1 * b1).sum(1) + anchor
-        hxx, hyy = scale - (inside * vx * vx).sum(1), scale - (inside * vy * vy).sum(1)
-        hxy = -(inside * vx * vy).sum(1)
+        hxx, hyy = scale - (inside * mixed * mixed).sum(-1)
+        hxy = -(inside * mixed[0] * mixed[1]).sum(1)
         lowest = 0.5 * (hxx + hyy) - np.hypot(0.5 * (hxx - hyy), hxy)
         shift = damping * scale + np.maximum(0.0, 1e-12 * scale - 2 * lowest)
         hxx, hyy = hxx + shift, hyy + shift
         det = hxx * hyy - hxy * hxy
-        step = np.stack([(hyy * gx - hxy * gy) / det, (hxx * gy - hxy * gx) / det], 1)
-        return step, 0.5 * (step[:, 0] * gx + step[:, 1] * gy)
+        step = np.stack([(hyy * gx - hxy * gy) / det, (hxx * gy - hxy * gx) / det])
+        return step, 0.5 * (step[0] * gx + step[1] * gy)
 
     def energy(self, z: Array, u: Array) -> Array:
-        rx, ry = self.residual(z, u)
-        anchored = ANCHOR_WEIGHT * self.count * ((z - self.anchor) ** 2).sum(1)
-        return 0.5 * ((self.weight * (rx * rx + ry * ry)).sum(1) + anchored)
+        anchored = ANCHOR_WEIGHT * self.count * ((z - self.anchor) ** 2).sum(0)
+        return 0.5 * ((self.weight * (self.residual(z, u) ** 2).sum(0)).sum(1) + anchored)
 
-    def residual(self, z: Array, u: Array) -> tuple[Array, Array]:
-        b, a = 2 * z, self.end - 2 * z
-        return (self.x - (a[:, :1] * u + b[:, :1]) * u, self.y - (a[:, 1:] * u + b[:, 1:]) * u)
-
-    def quartic(self, z: Array) -> tuple[Array, Array, Array, Array]:
-        """Return each sample's coefficients of |x - q(u)|^2 / 2 - |x|^2 / 2 in u^4, u^3, u^2 and u."""
-        b, a = 2 * z, self.end - 2 * z
-        aa, ab, bb = ((p * q).sum(1)[:, None] for p, q in ((a, a), (a, b), (b, b)))
-        k2 = 0.5 * bb - a[:, :1] * self.x - a[:, 1:] * self.y
-        return 0.5 * aa, ab, k2, -(b[:, :1] * self.x + b[:, 1:] * self.y)
+    def residual(self, z: Array, u: Array) -> Array:
+        return self.points - ((self.end - 2 * z)[..., None] * u + 2 * z[..., None]) * u
 
     def foot_points(self, z: Array, u: Array, steps: int = 2) -> Array:
         """Take Newton steps towards the nearest points' parameters (row, sample): downhill, within [0, 1]."""
@@ -240,6 +229,13 @@ class _Batch:
             best = np.where(nearer, other, best)
         return best
 
+    def quartic(self, z: Array) -> tuple[Array, Array, Array, Array]:
+        """Return each sample's coefficients of |x - q(u)|^2 / 2 - |x|^2 / 2 in u^4, u^3, u^2 and u."""
+        b, a = 2 * z, self.end - 2 * z
+        aa, ab, bb = ((p * q).sum(0)[:, None] for p, q in ((a, a), (a, b), (b, b)))
+        (along_x, along_y), along_b = a[..., None] * self.points, b[..., None] * self.points
+        return 0.5 * aa, ab, 0.5 * bb - along_x - along_y, -along_b.sum(0)
+
 
 def _shares(steps: Array) -> Array:
     """Return the share of the total length before each step and at the end: (row, step) -> (row, step + 1)."""
@@ -247,10 +243,9 @@ def _shares(steps: Array) -> Array:
     return passed / np.maximum(passed[:, -1:], 1e-12)
 
 
-def _closed_form(x: Array, y: Array, weight: Array, end: Array, u: Array) -> Array:
-    """Return the z (row, 2) that minimises the distances of samples at fixed parameters `u` (row, sample)."""
-    b1, b2 = 2 * u * (1 - u), u * u
+def _closed_form(points: Array, weight: Array, end: Array, u: Array) -> Array:
+    """Return the z (axis, row) that minimises the distances of samples at fixed parameters `u` (row, sample)."""
+    b1 = 2 * u * (1 - u)
     weighted = b1 * weight
     norm = np.maximum((weighted * b1).sum(1), 1e-12)
-    rest = (x - b2 * end[:, :1], y - b2 * end[:, 1:])
-    return np.stack([(weighted * r).sum(1) / norm for r in rest], 1)
+    return (weighted * (points - u * u * end[..., None])).sum(-1) / norm

@@ -133,7 +133,7 @@ def empty(scenes: int, slots: int) -> Layouts:
 
 def concatenated(parts: Sequence[Layouts]) -> Layouts:
     """Return the scenes of all parts one after another, padded to the largest number of slots."""
-    together, start = empty(sum(map(len, parts)), max(part.symbol.shape[1] for part in parts)), 0
+    together, start = empty(sum(map(len, parts)), max((part.symbol.shape[1] for part in parts), default=0)), 0
     for part in parts:
         for field in fields(part):
             getattr(together, field.name)[start : start + len(part), : part.symbol.shape[1]] = getattr(part, field.name)
@@ -148,22 +148,22 @@ def random_layouts(
 
     Raises InputError if no draw out of MAX_TRIES gives every item a free position.
     """
-    layouts = empty(scenes, rules.slots)
-    glass = SYMBOLS.index("glass")
-    for scene in range(scenes):
+    drawn, glass = [empty(0, rules.slots)], SYMBOLS.index("glass")
+    for _ in range(scenes):
         for _ in range(MAX_TRIES):
+            scene = empty(1, rules.slots)
             count = int(rng.choice(rules.items_per_scene))
             glasses = min(count, int(rng.choice(len(rules.glasses_chance), p=rules.glasses_chance)))
             others = rng.choice([i for i in range(len(SYMBOLS)) if i != glass], count - glasses)
             symbols = np.concatenate([np.full(glasses, glass), others]).astype(int)
-            if all(_place(rng, layouts, scene, slot, int(s), items, pool, rules) for slot, s in enumerate(symbols)):
+            if all(_place(rng, scene, slot, int(s), items, pool, rules) for slot, s in enumerate(symbols)):
+                drawn.append(scene)
                 break
-            layouts.symbol[scene] = layouts.item[scene] = EMPTY
         else:
             found = f"no room for {' or '.join(map(str, rules.items_per_scene))} items in {MAX_TRIES} tries"
             fewer = "lower scenes.layout.clear_of_ends or clear_of_items, or ask for fewer items"
             raise InputError(f"{found}: {fewer}")
-    return layouts
+    return concatenated(drawn)
 
 
 def add_item(
@@ -173,40 +173,29 @@ def add_item(
 
     Raises InputError if a scene has no free slot, or no free position in MAX_TRIES draws.
     """
-    added = concatenated([layouts])
-    for scene in range(len(layouts)):
-        free = np.flatnonzero(~layouts.present[scene])
-        if len(free) == 0:
-            raise InputError(f"scene {scene} has no free slot for a {SYMBOLS[symbol]}: raise scenes.layout.slots")
-        if not _place(rng, added, scene, int(free[0]), symbol, items, pool, rules, tries=MAX_TRIES):
-            raise InputError(f"no free place for a {SYMBOLS[symbol]} in scene {scene}: the scene is too full")
-    return added
+    added = [layouts[[scene]] for scene in range(len(layouts))]
+    for i, scene in enumerate(added):
+        if scene.present.all():
+            raise InputError(f"scene {i} has no free slot for a {SYMBOLS[symbol]}: raise scenes.layout.slots")
+        if not _place(rng, scene, int(scene.present.argmin()), symbol, items, pool, rules, tries=MAX_TRIES):
+            raise InputError(f"no free place for a {SYMBOLS[symbol]} in scene {i}: the scene is too full")
+    return concatenated([layouts[:0], *added])
 
 
-def _place(rng, layouts, scene, slot, symbol, items, pool, rules: LayoutRules, tries: int = 50) -> bool:
-    """Place a random item of `symbol` in `slot`, clear of path ends and other items; return False on failure."""
+def _place(rng, scene: Layouts, slot: int, symbol, items, pool, rules: LayoutRules, tries: int = 50) -> bool:
+    """Place a random item of `symbol` in a slot of one scene by the rules; return False on failure."""
     choices = pool[items.symbol[pool] == symbol]
     if len(choices) == 0:
         raise InputError(f"no {SYMBOLS[symbol]} among the items to draw from: add one to the catalogue")
     item = int(rng.choice(choices))
     scale = rng.uniform(rules.scale_low, rules.scale_high)
-    radius, half_length = items.radius[item] * scale, items.half_length[item] * scale
-    others = layouts.present[scene].copy()
-    others[slot] = False
     for _ in range(tries):
-        centre = rng.uniform(rules.centre_low, rules.centre_high, 2)
-        angle = rng.uniform(-np.pi, np.pi)
-        along = np.array([np.cos(angle), np.sin(angle)]) * half_length
-        ends = np.stack([centre - along, centre + along])
-        if min(point_segment_distance(p, *ends) for p in (P_INIT, P_F)) - radius < rules.clear_of_ends:
-            continue
-        gaps = segment_distance(ends, layouts.ends[scene, others]) - radius - layouts.radius[scene, others]
-        if (gaps < rules.clear_of_items).any():
-            continue
-        values = (item, symbol, centre, angle, scale, half_length, radius)
-        for f, value in zip(fields(layouts), values, strict=True):
-            getattr(layouts, f.name)[scene, slot] = value
-        return True
+        centre, angle = rng.uniform(rules.centre_low, rules.centre_high, 2), rng.uniform(-np.pi, np.pi)
+        values = (item, symbol, centre, angle, scale, items.half_length[item] * scale, items.radius[item] * scale)
+        for field, value in zip(fields(scene), values, strict=True):
+            getattr(scene, field.name)[0, slot] = value
+        if allowed(scene, np.array([slot]), rules)[0]:
+            return True
     return False
 
 

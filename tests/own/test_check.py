@@ -18,10 +18,10 @@ from pipeline.own.folder import read_folder
 from pipeline.own.frame import Frame
 from pipeline.own.pictures import read_picture
 from pipeline.runtime.errors import InputError
-from pipeline.world.bezier import P_F, P_INIT, as_controls, bernstein, bezier, curve, random_z_theta
+from pipeline.world.bezier import P_F, P_INIT, bernstein, bezier, curve, random_z_theta
 from pipeline.world.bezier_fit import fit_any
 from pipeline.world.hand import ARC_POINTS, Hand, simulate
-from tests.factories import composed, draw_table
+from tests.factories import as_controls, composed, draw_table
 from tests.own.folders import SCENES, add_kind, change, edit, make_folder, write_picture
 
 Spoil = Callable[[Path], object]

@@ -1,5 +1,6 @@
 """Fit clearance models: every member maximises its own weighted likelihood; then BIC weights the rule families."""
 
+import copy
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
@@ -10,7 +11,8 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from numpy import ndarray as Array
 from scipy.special import entr
-from torch import Tensor
+from torch import Tensor, nn
+from torch.func import stack_module_state
 
 from pipeline.models.base import Images
 from pipeline.models.clearance import clearance
@@ -73,7 +75,12 @@ def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> li
     for model, own in zip(models, labels, strict=True):
         model.rate.fill_(loop.rule_of_succession(own))
     percepts = [set_feature_scaling(model, scenes) for model, scenes in zip(models, images, strict=True)]
-    stacked, percept = loop.stack_models(models), torch.stack(percepts)  # (model, scene, object, column)
+    percept, stacked = torch.stack(percepts), copy.deepcopy(models[0])  # (model, scene, object, column)
+    parameters, buffers = stack_module_state(models)
+    for name, value in parameters.items():
+        setattr(stacked, name, nn.Parameter(value.detach()))
+    for name, value in buffers.items():
+        setattr(stacked, name, value)
     paths = torch.tensor(np.stack(loop.pad_demonstrations(z_theta))).float()
     flat = passes(percept.flatten(0, 1), paths.flatten(0, 1))
     passing = clearance.Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
@@ -90,12 +97,14 @@ def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> li
         by_member = (weights * negative_log_likelihood).sum(-1).mean(-1)  # (model, member)
         return by_member.sum(), [by_member.mean(-1)]
 
+    @torch.no_grad()
     def hand_over() -> None:
-        loop.unstack_models(dict(stacked.named_parameters()), models)
+        for name, of_models in stacked.named_parameters():
+            for model, value in zip(models, of_models, strict=True):
+                model.get_parameter(name).copy_(value)
         for data in zip(models, percepts, z_theta, labels, strict=True):
             set_model_evidence(*data)
 
-    parameters = [p for p in stacked.parameters() if p.requires_grad]
-    curve = loop.minimise(loss, parameters, schedule, partial(checkpoints.keep, models, hand_over))
+    curve = loop.minimise(loss, stacked.parameters(), schedule, partial(checkpoints.keep, models, hand_over))
     hand_over()
     return list(curve.transpose(2, 0, 1))

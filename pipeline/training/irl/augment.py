@@ -30,12 +30,10 @@ def blobs(contrast: Float32[Array, "scene row column"]) -> Int[Array, "scene row
     """Return each pixel's blob number, 0 for the table, from `contrast` [standard deviations of the table]."""
     labels = np.zeros(contrast.shape, np.int64)
     for scene, image in enumerate(contrast):
-        regions, count = ndimage.label(image > max(MIN_CONTRAST, np.quantile(image, 1 - MAX_BLOB_SHARE)))
-        sizes = ndimage.sum_labels(np.ones_like(image), regions, np.arange(count + 1))
-        kept = np.flatnonzero((sizes >= MIN_BLOB_PX) & (np.arange(count + 1) > 0))
-        renumber = np.zeros(count + 1, np.int64)
-        renumber[kept] = np.arange(1, len(kept) + 1)
-        labels[scene] = renumber[regions]
+        regions, _ = ndimage.label(image > max(MIN_CONTRAST, np.quantile(image, 1 - MAX_BLOB_SHARE)))
+        large = np.bincount(regions.ravel()) >= MIN_BLOB_PX
+        large[0] = False
+        labels[scene] = np.where(large, large.cumsum(), 0)[regions]
     return labels
 
 

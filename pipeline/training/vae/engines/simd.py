@@ -19,7 +19,6 @@ from torch import nn
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights
 from pipeline.training.loop import Losses, minimise, pad_demonstrations, row_weights
-from pipeline.training.vae.engines import fit_models
 from pipeline.training.vae.engines import simd_kernels as lanes
 from pipeline.training.vae.engines.simd_kernels import GATE, LANES, PUT, RELU
 from pipeline.world.layout import SIDE
@@ -145,8 +144,8 @@ class Stack:
             return add(chain, Dense(x, sum(module.out_features for module in modules), mode, back, scenes), *modules)
 
         self.encoder: list[Layer] = []
-        self.centre = np.stack([own.centre.flatten().numpy() for own in models], -1)  # standardise the encoder's input
-        self.factor = np.stack([1 / own.spread.flatten().numpy() for own in models], -1)
+        statistics = np.stack([[own.centre.flatten(), 1 / own.spread.flatten()] for own in models], -1)
+        self.centre, self.factor = np.tile(statistics[:, None], (1, SIDE, 1, 1))  # standardise the encoder's input
         self.intensities = allocate(SIDE + 2, SIDE + 2, 3)
         self.image = planes = allocate(SIDE + 2, SIDE + 2, 3)
         for module in model.features:
@@ -217,11 +216,9 @@ class Stack:
         for parameter in self.parameters:
             parameter.gradient.fill(0)
         terms, latent = allocate(3), self.z_image.shape[1]
-        intensities, standardised = self.intensities[1:-1, 1:-1], self.image[1:-1, 1:-1]
         mean, log_variance, logits = self.code[0, :latent], self.code[0, latent:], self.logits[:, 0]
         for scene, (image, paths, labels, draw) in enumerate(zip(images, z_theta, valid, noise, strict=True)):
-            np.divide(image, np.float32(255), out=intensities)
-            np.multiply(np.subtract(intensities, self.centre, out=standardised), self.factor, out=standardised)
+            lanes.standardise(image, self.centre, self.factor, self.intensities, self.image)
             forward(self.encoder)
             deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
             self.z_image[0] = mean + draw * deviation
@@ -253,12 +250,8 @@ class Stack:
         return terms
 
 
-def fit_stack(*data, **settings) -> list[Float[Array, "point 5"]]:
-    """Train up to `LANES` models as `fit_models`, by the gradient of `Stack`."""
-    return fit_models(_descend, *data, **settings)
-
-
-def _descend(weights, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
+def descend(weights, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
+    """Train up to `LANES` models at once by the gradient of `Stack`."""
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
     lane_models = [*range(len(models)), *[0] * (LANES - len(models))]  # unused lanes repeat the first model

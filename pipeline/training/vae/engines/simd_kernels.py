@@ -39,7 +39,7 @@ TALL = 5 if "avx512vl" in FEATURES else 2  # rows of a tile: as many as fit in 3
 
 OFFSETS = types.intp[::1]
 FLAT, MATRIX, ROWS = types.float32[::1], types.float32[:, ::1], types.float32[:, :, ::1]
-PLANES, KERNEL = types.float32[:, :, :, ::1], types.float32[:, :, :, :, ::1]
+PLANES, KERNEL, IMAGE = types.float32[:, :, :, ::1], types.float32[:, :, :, :, ::1], types.uint8[:, :, :, ::1]
 
 
 def compiled(*arguments, returns=types.void):
@@ -384,6 +384,22 @@ def dense_weights(x, dy, weights):
     out, a, b = (weights.reshape(-1), 0, outputs), (x.reshape(-1), 0, 1), (dy.reshape(-1), 0, 1)
     steps = _sum((1, 1, len(x)), (0, 0, inputs), (0, 0, outputs))
     product(inputs, outputs, out, a, b, (np.zeros(LANES, np.float32), 0, 0), steps, ADD)
+
+
+@compiled(IMAGE, ROWS, ROWS, PLANES, PLANES)
+def standardise(image, centre, factor, intensities, standardised):
+    """Write an image's intensities, 0 to 1, and (intensity - centre) * factor into planes, inside their borders.
+
+    centre, factor: (column, channel, lane), the same in each column, so that a row is one loop.
+    """
+    c, f = centre.reshape(-1), factor.reshape(-1)
+    for row in range(len(image)):
+        x = image[row].reshape(-1)
+        y, z = intensities[row + 1, 1:-1].reshape(-1), standardised[row + 1, 1:-1].reshape(-1)
+        for i in range(len(x)):
+            y[i] = np.float32(x[i]) / np.float32(255)
+        for i in range(len(x)):
+            z[i] = (y[i] - c[i]) * f[i]
 
 
 @compiled(PLANES, PLANES, types.float32, MATRIX)
