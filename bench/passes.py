@@ -1,7 +1,7 @@
 """Time and memory of one gradient step over a training set, implemented in three ways.
 
 rows: the usual loop, with a DataLoader of rows (image, trajectory), one encoding per path, and eager torch.
-eager: the reference engine, with each scene encoded once, channels-last memory and fused AdamW.
+eager: the autograd engine, with each scene encoded once, channels-last memory and fused AdamW.
 stacked: the simd engine, with LANES models at once.
 All make the same full-batch step on the same loss, including the optimiser, on one thread (tests/training check this).
 """
@@ -22,8 +22,8 @@ from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights, equation_1
 from pipeline.runtime.parallel import one_thread
 from pipeline.training.loop import Schedule
-from pipeline.training.vae.engines import engine
-from pipeline.training.vae.engines.simd import Convolution, Stack, allocate
+from pipeline.training.vae.engines import fit_batch
+from pipeline.training.vae.engines.simd import Convolution, Stack, allocate, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
 
 SCENES, N_DEMOS = 20, 9  # training scenes; demonstrations per scene
@@ -72,7 +72,7 @@ def rows(weights: Weights, scenes: int = SCENES, n_demos: int = N_DEMOS) -> Call
 def eager(weights: Weights, scenes: int = SCENES, n_demos: int = N_DEMOS) -> Callable[[], object]:
     """Return a function that makes STEPS steps of one model."""
     model, (images, z_theta, valid) = untrained(), training_set(scenes, n_demos)
-    return lambda: engine("reference").fit([model], [images], [z_theta], [valid], weights, SCHEDULE, seeds=[0])
+    return lambda: fit_batch([model], [images], [z_theta], [valid], weights, SCHEDULE, seeds=[0])
 
 
 def stacked(
@@ -86,7 +86,7 @@ def stacked(
         for start in range(0, models, LANES):
             some = stack[start : start + LANES]
             arrays = ([array] * len(some) for array in data)
-            engine("simd").fit(some, *arrays, weights=weights, schedule=SCHEDULE, seeds=range(len(some)))
+            fit_stack(some, *arrays, weights=weights, schedule=SCHEDULE, seeds=range(len(some)))
 
     return fit_all
 

@@ -19,6 +19,7 @@ from torch import nn
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights
 from pipeline.training.loop import Losses, minimise, pad_demonstrations, row_weights
+from pipeline.training.vae.engines import fit_models
 from pipeline.training.vae.engines import simd_kernels as lanes
 from pipeline.training.vae.engines.simd_kernels import GATE, LANES, PUT, RELU
 from pipeline.world.layout import SIDE
@@ -250,8 +251,12 @@ class Stack:
         return terms
 
 
-def descend(weights, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
-    """Train up to `LANES` models at once by the gradient of `Stack`."""
+def fit_stack(*data, **settings) -> list[Float[Array, "point 5"]]:
+    """Train up to `LANES` models as `fit_models`, by the gradient of `Stack`."""
+    return fit_models(_descend, *data, **settings)
+
+
+def _descend(weights, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
     lane_models = [*range(len(models)), *[0] * (LANES - len(models))]  # unused lanes repeat the first model

@@ -17,9 +17,9 @@ from llvmlite.binding import get_host_cpu_features
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule, pad_demonstrations
-from pipeline.training.vae.engines import engine
+from pipeline.training.vae.engines import fit_batch
 from pipeline.training.vae.engines import simd_kernels as lanes
-from pipeline.training.vae.engines.simd import Stack
+from pipeline.training.vae.engines.simd import Stack, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES
 from tests.factories import WEIGHTS, vae
 
@@ -52,7 +52,7 @@ def stacked(seeds, variant: str = "full", n: Sequence[int] = (4,) * LANES):
     """A model for each of the seeds, on its n, trained together; and their learning curves."""
     models = [vae(seed) for seed in seeds]
     images, z_theta, valid = zip(*(data(seed, n=own) for seed, own in zip(seeds, n, strict=False)), strict=True)
-    return models, engine("simd").fit(models, images, z_theta, valid, WEIGHTS[variant], SHORT, seeds)
+    return models, fit_stack(models, images, z_theta, valid, WEIGHTS[variant], SHORT, seeds)
 
 
 @pytest.mark.slow
@@ -88,13 +88,12 @@ def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n_de
                 assert error < 1e-6, f"{name} of lane {lane}: {error:.1e}"
 
 
-def test_a_step_is_that_of_the_reference_engine_and_constants_stand_beside():
+def test_a_step_is_that_of_the_autograd_engine_and_constants_stand_beside():
     once = Schedule(steps=4, rate=2e-3, weight_decay=0.01, curve_every=1)
     ours, theirs, checkpoints = [vae(1), vae(2)], [vae(1), vae(2)], [Checkpoints([0, 2]), Checkpoints([0, 2])]
     images, z_theta, valid = zip(data(1), data(2, n=2), strict=True)
     arguments = images, z_theta, (valid[0], np.ones_like(valid[1])), WEIGHTS["full"], once, [7, 8]
-    engines = zip(("simd", "reference"), (ours, theirs), checkpoints, strict=True)
-    curves = [engine(name).fit(models, *arguments, kept) for name, models, kept in engines]
+    curves = fit_stack(ours, *arguments, checkpoints[0]), fit_batch(theirs, *arguments, checkpoints[1])
     for i, (model, other) in enumerate(zip(ours, theirs, strict=True)):
         np.testing.assert_allclose(curves[0][i], curves[1][i], rtol=1e-4, atol=1e-7)
         kept, wanted = (of.of(one) for of, one in zip(checkpoints, (model, other), strict=True))
