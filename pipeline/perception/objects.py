@@ -19,12 +19,11 @@ from scipy.ndimage import distance_transform_edt
 from scipy.special import entr
 
 from pipeline.perception.background import Pixels
-from pipeline.perception.segmenter import LOOKS, STRIDE, Maps, segment
+from pipeline.perception.segmenter import LOOKS, OUTLINE, STRIDE, Maps, segment
 from pipeline.world.layout import SIDE
 from pipeline.world.told import Told
 
 SUPERSAMPLING = 4  # grid points per pixel along each axis
-OUTLINE = 0.35  # probability on an outline: at .5 some handles are missed (validation)
 MIN_ITEM_PX = 12  # smaller regions are no items [pixels of the image]: a teaspoon has 40
 MIN_CORE_PX = 3  # smallest part that is an item of its own where items touch [pixels of the image]
 SQUARE = np.ones((3, 3), np.uint8)  # a pixel and its neighbours
