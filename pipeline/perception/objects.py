@@ -19,13 +19,13 @@ from scipy.ndimage import distance_transform_edt
 from scipy.special import entr
 
 from pipeline.perception.background import Pixels
-from pipeline.perception.segmenter import LOOKS, STRIDE, Maps, segment
+from pipeline.perception.segmenter import LOOKS, OUTLINE, STRIDE, Maps, segment
 from pipeline.world.layout import SIDE
 from pipeline.world.told import Told
 
 SUPERSAMPLING = 4  # grid points per pixel along each axis
-OUTLINE = 0.35  # probability on an outline: at .5 some handles are missed (validation)
 MIN_ITEM_PX = 12  # smaller regions are no items [pixels of the image]: a teaspoon has 40
+SURE_ITEM = 0.6  # an item has a pixel at least so probable: on photographs fewer finds are parts or prints (validation)
 MIN_CORE_PX = 3  # smallest part that is an item of its own where items touch [pixels of the image]
 SQUARE = np.ones((3, 3), np.uint8)  # a pixel and its neighbours
 FEATURES = ("area", "elongation", "length", "width", "see-through", "contrast")  # logarithms; see-through as log-odds
@@ -223,7 +223,8 @@ def find_outlines(maps: Maps) -> list[Outline]:
             for mask in _cut(region, cores[window] & region):
                 contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
                 filled = cv2.drawContours(np.zeros_like(mask), contours, -1, 1, cv2.FILLED)
-                outlines.append(Outline(filled, int(row), int(column)))
+                if item[window][filled > 0].max() >= SURE_ITEM:
+                    outlines.append(Outline(filled, int(row), int(column)))
     return [o for o in outlines if o.mask.sum() >= MIN_ITEM_PX * SUPERSAMPLING**2]
 
 
