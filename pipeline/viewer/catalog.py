@@ -74,11 +74,9 @@ def facts_of_runs(client: CatalogClient) -> list[dict[str, Any]]:
         facts = {str(name).removeprefix("property:"): value for name, value in row.items()}
         if facts.get("run:variant") is None:  # a recording of another program
             continue
-        worst = [facts.get(f"worst:{name}") for name in WORST]
-        if worst[0] is None:  # every path is valid for this user
-            worst = [[] for _ in WORST]
+        lists = {f"{name}s": facts.get(f"worst:{name}") for name in WORST}
+        lists = {name: [] if x is None else list(x) for name, x in lists.items()}  # none: every path is valid
         run = {name: facts[f"run:{name}"][0] for name in ("variant", "user", "seed", "accuracy")}
-        lists = {f"{name}s": list(x) for name, x in zip(WORST, worst, strict=True)}
         runs.append(run | {"run": row[SEGMENT]} | lists)
     return runs
 

@@ -27,7 +27,7 @@ def place(runs: Sequence[Mapping[str, Any]], facts: Mapping[str, str]) -> Place 
     """
     named = {"variant", "user", "seed"} & facts.keys()
     alike = [run for run in runs if named and all(str(run[name]) == facts[name] for name in named)]
-    with_scene = [run for run in alike if facts.get("scene") in map(str, run["scenes"])]
+    with_scene = [run for run in alike if facts.get("scene", "") in map(str, run["scenes"])]
     if not alike:
         return None
     run = min(with_scene or alike, key=lambda run: run["accuracy"])

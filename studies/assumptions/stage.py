@@ -133,7 +133,7 @@ def fit_and_predict(
 
 def spoil_percepts(cfg: DictConfig, asked: Versions) -> list[pd.DataFrame]:
     """Judge models where added items fade, or items are missed or mistaken; dose 0 also stands for demonstrations."""
-    jobs = list(product(see_items(cfg), cfg.evaluate.users))
+    jobs = [(variant, str(user)) for variant in see_items(cfg) for user in cfg.evaluate.users]
     answers = dict(zip(jobs, map_jobs(partial(_answer, cfg, asked), jobs, cfg.workers, "percepts"), strict=True))
     parts = []
     for variant in see_items(cfg):
@@ -299,20 +299,20 @@ def ask_far_from_training(cfg: DictConfig, scenes: SceneSet) -> list[pd.DataFram
     training = [scenes.layouts[train_pool(seed)] for seed in seeds]
     distance = np.stack([np.mean([layout_distance(x, t) for t in training], axis=0) for x in added.layouts])
     items, gap = np.stack([x.present.sum(1) for x in added.layouts]), np.stack([*map(added_gap, added.layouts)])
-    groups = [(ITEMS, n, items == n) for n in np.unique(items).tolist()]
+    groups: list[tuple[str, float, Array]] = [(ITEMS, n, items == n) for n in np.unique(items).tolist()]
     groups += [(DISTANCE, d, distance >= d) for d in np.quantile(distance, QUANTILES).tolist()]
     groups += [(GAP, most, gap <= most) for most in reversed(cfg.studies.assumptions.gap_m)]
     parts = []
-    for variant, (attempt, dose, where), user in product(map(str, cfg.variants), groups, cfg.evaluate.users):
-        for k, symbol in enumerate(SYMBOLS):
-            keys = {"variant": variant, "user": user, "question": f"add_{symbol}"}
+    for variant, user in product(cfg.variants, cfg.evaluate.users):
+        for (attempt, dose, where), (k, symbol) in product(groups, enumerate(SYMBOLS)):
+            keys = {"variant": str(variant), "user": str(user), "question": f"add_{symbol}"}
             chosen = effects[(effects[list(keys)] == list(keys.values())).all(axis=1)]
             if where[k].sum() < 2 or chosen.empty:
                 continue
             table = chosen.pivot(index="seed", columns="scene", values=["effect", "true_effect"])
             made, true = (table[name].to_numpy()[:, where[k]] for name in ("effect", "true_effect"))
             rows = compare_with_truth(0 * made[None], made[None], 0 * true[:1], true[:1], held[[k]][:, where[k]])
-            facts = {"attempt": attempt, "dose": float(dose), "variant": variant, "share": float(where.mean())}
+            facts = {"attempt": attempt, "dose": float(dose), "variant": str(variant), "share": float(where.mean())}
             parts.append(rows.assign(user=user, symbol=symbol)[COLUMNS].assign(**facts))
     return parts
 
