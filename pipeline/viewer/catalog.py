@@ -67,6 +67,20 @@ def catalog(
         yield client
 
 
+def facts_of_runs(client: CatalogClient) -> list[dict[str, Any]]:
+    """Return variant, user, seed and accuracy of each `run`, and lists of its worst scenes (WORST, in the plural)."""
+    runs = []
+    for row in client.get_dataset(RUNS).segment_table().to_pandas().to_dict("records"):
+        facts = {str(name).removeprefix("property:"): value for name, value in row.items()}
+        if facts.get("run:variant") is None:  # a recording of another program
+            continue
+        lists = {f"{name}s": facts.get(f"worst:{name}") for name in WORST}
+        lists = {name: [] if x is None else list(x) for name, x in lists.items()}  # none: every path is valid
+        run = {name: facts[f"run:{name}"][0] for name in ("variant", "user", "seed", "accuracy")}
+        runs.append(run | {"run": row[SEGMENT]} | lists)
+    return runs
+
+
 def _layer(path: Path, run: str, facts: Mapping[str, str]) -> str:
     """Write a recording of a run's property `review`, and return its address."""
     recording = rr.RecordingStream(APPLICATION, recording_id=run, send_properties=False)
@@ -93,17 +107,13 @@ def _add_scenes(client: CatalogClient, dataset: DatasetEntry, reviews: pd.DataFr
     """Add the table of the runs' worst scenes, with links to the end of their repairs, most unsafe repairs first."""
     said = reviews.dropna(subset="scene").drop_duplicates(["run", "scene"], keep="last").set_index(["run", "scene"])
     rows = []
-    for run in dataset.segment_table().to_pandas().to_dict("records"):
-        facts = {str(name).removeprefix("property:"): value for name, value in run.items()}
-        worst = [facts.get(f"worst:{name}") for name in WORST]
-        if worst[0] is None:  # every path is valid for this user
-            continue
-        who = {name: facts[f"run:{name}"][0] for name in ("variant", "user", "seed")} | {"run": run[SEGMENT]}
-        for scene, step, wrong, unsafe in zip(*worst, strict=True):
-            key = run[SEGMENT], scene
+    for run in facts_of_runs(client):
+        who = {name: run[name] for name in ("variant", "user", "seed", "run")}
+        for scene, step, wrong, unsafe in zip(*(run[f"{name}s"] for name in WORST), strict=True):
+            key = run["run"], scene
             review = said.loc[key, ["verdict", "note"]].to_dict() if key in said.index else {}
             shown = {"scene": scene, "unsafe_repairs": unsafe, "wrong": wrong, "id": len(rows)}
-            rows.append(who | shown | review | {"link": dataset.segment_url(run[SEGMENT], REPAIR, int(step))})
+            rows.append(who | shown | review | {"link": dataset.segment_url(run["run"], REPAIR, int(step))})
     index = {rr.SORBET_IS_TABLE_INDEX: "true"}
     fields = [pa.field(name, kind, metadata=index if name == "id" else None) for name, kind in SCENE_COLUMNS.items()]
     table = client.create_table(SCENES, pa.schema(fields))

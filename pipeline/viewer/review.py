@@ -17,12 +17,14 @@ import socket
 import subprocess
 import sys
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 import pandas as pd
 from omegaconf import DictConfig
+from rerun.catalog import CatalogClient, DatasetEntry
 
 from pipeline.artifacts.files import read_table, write_table
 from pipeline.git import environment, git
@@ -30,10 +32,11 @@ from pipeline.git import run as run_in
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import PARAMS
-from pipeline.viewer.catalog import RUNS, SCENES, catalog
+from pipeline.viewer.catalog import RUNS, SCENES, catalog, facts_of_runs
 from pipeline.viewer.compared import read_overview, write_comparison
 from pipeline.viewer.digest import digest
-from pipeline.viewer.run import OVERVIEW, layout, overview_layout
+from pipeline.viewer.linked import Place, linked, place, served
+from pipeline.viewer.run import OVERVIEW, REPAIR, SCENE, layout, overview_layout
 
 EXAMPLES = 5  # recordings listed in an error message
 COLUMNS = ["run", "sha256", "accuracy"]  # of recordings.csv
@@ -116,7 +119,29 @@ def show_all(cfg: DictConfig, kept: Path, runs: Path, web: bool) -> int:
         listed = read_table(kept / "recordings.csv", COLUMNS)
         print(f"{len(files)} of {len(listed)} recordings; `make repro` writes all", flush=True)
         entries = client.get_dataset(RUNS), client.get_table(SCENES)
-        return show([f"{client.url}/entry/{entry.id}" for entry in entries], web)
+        addresses = [f"{client.url}/entry/{entry.id}" for entry in entries]
+        if not web:
+            return show(addresses)
+        page = free_port()
+        with served(Path(), partial(linked_to, client, page)) as pages:
+            print(f"open {pages}/reports/index.html for the pages, with links from numbers to recordings", flush=True)
+            return show(addresses, web, page)
+
+
+def linked_to(client: CatalogClient, port: int, page: str) -> str:
+    """Return a page whose numbers and figures are links to recordings of the catalog, in the web viewer at `port`."""
+    dataset, runs = client.get_dataset(RUNS), facts_of_runs(client)
+
+    def address(found: Place, of: DatasetEntry = dataset) -> str:
+        return f"http://127.0.0.1:{port}/?url={quote(of.segment_url(*found), safe='')}"
+
+    figures = {}
+    if runs:
+        least = min(runs, key=lambda run: run["accuracy"])
+        figures["make review WORST=1"] = address((least["run"], REPAIR, 0))
+    if OVERVIEW in client.dataset_names():
+        figures["make review"] = address((OVERVIEW, SCENE, 0), client.get_dataset(OVERVIEW))
+    return linked(page, lambda facts: address(found) if (found := place(runs, facts)) else None, figures)
 
 
 def show_between(kept: Path, commits: tuple[str, str], web: bool) -> int:
@@ -137,8 +162,17 @@ def show_between(kept: Path, commits: tuple[str, str], web: bool) -> int:
         return show([str(Path(folder) / "compared.rrd")], web)
 
 
-def show(shown: list[str], web: bool = False) -> int:
-    """Open Rerun's viewer on files or addresses, for this machine only, until it is closed; return its exit code."""
+def free_port() -> int:
+    """Return a port of this machine that nobody uses."""
+    with socket.create_server(("127.0.0.1", 0)) as one:
+        return one.getsockname()[1]
+
+
+def show(shown: list[str], web: bool = False, page: int = 0) -> int:
+    """Open Rerun's viewer on files or addresses, for this machine only, until it is closed; return its exit code.
+
+    page: the port of the web viewer; 0: any.
+    """
     screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not (web or screen):
         names = " ".join(Path(name).name for name in shown)
@@ -147,8 +181,7 @@ def show(shown: list[str], web: bool = False) -> int:
         raise InputError(f"no display to open a window on: {here}, or {there}")
     command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *shown]
     if web:
-        with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
-            page, port = one.getsockname()[1], other.getsockname()[1]  # two free ports
+        page, port = page or free_port(), free_port()
         command += ["--web-viewer" if screen else "--serve-web", "--web-viewer-port", f"{page}", "--port", f"{port}"]
         served = shown if "://" in shown[0] else [f"rerun+http://127.0.0.1:{port}/proxy"]
         query = "&".join("url=" + quote(address, safe="") for address in served)

@@ -11,6 +11,7 @@ import os
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -121,14 +122,15 @@ def board(shape: tuple[int, int], *contents: str) -> rrb.Spatial2DView:
     return rrb.Spatial2DView(contents=list(contents), background=BACKDROP, visual_bounds=bounds, titlebar=False)
 
 
-def classes() -> list[tuple[int, str, tuple[int, ...]]]:
+@cache
+def classes() -> rr.AnnotationContext:
     """Return number, label and colour of every class in a map."""
     p = matplotlib.colormaps[legend.MAP](np.linspace(0, 1, 101), bytes=True)[:, :3].tolist()
     labelled = [(f"{i / 100:.2f}", tuple(colour)) for i, colour in enumerate(p)] + list(OUTCOMES)
     ends = list(zip(INVALID, DARK, VALID, strict=True))  # from becoming invalid to becoming valid
     for i in range(101):
         labelled.append((f"{i / 50 - 1:+.2f}", tuple(round(np.interp(i, [0, 50, 100], channel)) for channel in ends)))
-    return [(number, *entry) for number, entry in enumerate(labelled)]
+    return rr.AnnotationContext([(number, *entry) for number, entry in enumerate(labelled)])
 
 
 @contextmanager
@@ -144,7 +146,7 @@ def recording_at(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr
     recording.set_log_tick_enabled(False)
     recording.save(path, default_blueprint=blueprint)
     recording.send_recording_name(name)
-    log_static(recording, "/", rr.AnnotationContext(classes()))
+    log_static(recording, "/", classes())
     yield recording
     recording.flush()
     recording.disconnect()

@@ -1,4 +1,4 @@
-"""Placebo patches on one table, and training scenes of the two worlds."""
+"""Placebo patches on one table."""
 
 from matplotlib.figure import Figure
 
@@ -12,9 +12,3 @@ def placebos(study: Study) -> Figure:
     images = study.arrays("examples.npz")
     rows = {f"{setting.partition('=')[2]} px pieces": list(versions) for setting, versions in images.items()}
     return draw_images(rows, [f"placebo of {symbol}" for symbol in SYMBOLS])
-
-
-def worlds(study: Study) -> Figure:
-    """Draw training scenes of the control and of the confounded world."""
-    images = study.arrays("worlds.npz")
-    return draw_images({"no common cause": images["control"], "glasses beside plates": images["confounded"]})

@@ -12,7 +12,8 @@ WRONG = {  # study: values of its settings, each refused by the setting's name
     "fairness": "scenes={full: [20]} | scenes.full=[12, 6] | scenes_seeds=1 | seen_scenes=7",
     "users": "draws=0 | samples=0 | samples=1000 | neighbours=0",
     "perception": "pictures=0 | rendered=[] | headlines.taught_tops=train",
-    "refutation": "scenes=3 | far_m=0.04 | pieces=[3] | world.gap_m=[0.001, 0.04] | world.glasses=3 | "
+    "refutation": "scenes=3 | far_m=0.04 | pieces=[3]",
+    "assumptions": "faded=[0.5, 0.2] | gap_m=[0.0] | world.gap_m=[0.001, 0.04] | world.glasses=3 | "
     "world.doses=[0, 0.5]",
     "person": "people=1 | kinds=[glass] | sorts={} | most.lapses=2.0 | careful.lapses=[0.1]",
     "safety": "envelope.doses=1 | envelope.planner=unknown | envelope.clear_of_others=0.04 | acceptance.variants=[] | "

@@ -1,6 +1,8 @@
 """A recording is opened or verified, or an error says what to do."""
 
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import pytest
 
@@ -8,10 +10,13 @@ from pipeline.git import git
 from pipeline.runtime.errors import InputError
 from pipeline.viewer.catalog import RUNS, SCENES, catalog
 from pipeline.viewer.digest import digest
-from pipeline.viewer.review import REVIEWED, check, find, note, recordings, reviews, worst
+from pipeline.viewer.linked import place, served
+from pipeline.viewer.review import REVIEWED, check, find, linked_to, note, recordings, reviews, worst
 from pipeline.viewer.run import layout, write_run
 from tests.viewer.example import a_run
 
+PAGE = """<td class="number" title="t, c: source full, user careful; seeds 0–9">1</td><code>make review WORST=1</code>
+<data value="2" title="t, c: variant ae, user careful" data-source="">2</data>"""
 NONE = Path("no such folder")  # of recordings by the stage
 
 
@@ -72,11 +77,39 @@ def test_the_catalog_has_every_run_with_its_facts_and_links_to_its_worst_scenes(
     with catalog(files, {RUNS: layout(2)}, reviews(kept), "abc") as client:
         (run,) = client.get_dataset(RUNS).segment_table().to_pandas().to_dict("records")
         scenes = client.get_table(SCENES).reader().to_pandas().set_index("scene")
+        page = linked_to(client, 80, PAGE)
     facts = {"run:accuracy": 0.5, "run:unsafe_repairs": 7, "review:commit": "abc", "review:verdict": "right"}
     assert {name: run[f"property:{name}"][0] for name in facts} == facts
     assert scenes.loc[1, ["verdict", "note"]].tolist() == ["wrong", 'through the "glass", twice']
     assert scenes["verdict"].isna().sum() == 2
     assert str(scenes.loc[1, "link"]).endswith("segment_id=full-careful-s3#when=repair_step@62")
     assert files["full-careful-s3"].read_bytes() == before
+    assert page.count("<a href=") == 2 and page.count("segment_id%3Dfull-careful-s3%23when%3Drepair_step") == 2
     REVIEWED.write_text(REVIEWED.read_text().replace(digest(files["full-careful-s3"]), "of other contents"))
     assert reviews(kept).empty
+
+
+def test_a_number_is_seen_in_the_least_accurate_run_at_its_scene_or_its_added_item() -> None:
+    run = {"variant": "full", "user": "careful", "seed": 0, "run": "a", "accuracy": 0.5, "scenes": [7], "steps": [30]}
+    runs = [run, run | {"run": "b", "seed": 1, "accuracy": 0.4, "scenes": [9], "steps": [31]}]
+    full = {"variant": "full", "user": "careful"}
+    assert place(runs, full) == ("b", "repair_step", 31) and place(runs, full | {"seed": "0"}) == (
+        "a",
+        "repair_step",
+        30,
+    )
+    assert place(runs, full | {"scene": "7"}) == ("a", "repair_step", 30)
+    assert place(runs, full | {"symbol": "glass"}) == ("b", "intervention", 3)
+    assert place(runs, {"variant": "truth"}) is None and place(runs, {"split": "new_items"}) is None
+
+
+def test_pages_alone_are_served(tmp_path: Path) -> None:
+    for name in ("reports/a.html", "reports/page.css", ".git/config"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("é")
+    with served(tmp_path, lambda page: page * 2) as address:
+        assert urlopen(f"{address}/reports/a.html").read().decode() == "éé"
+        assert urlopen(f"{address}/reports/page.css").read().decode() == "é"
+        for name in (".git/config", "reports/../.git/config", "reports/", ""):
+            with pytest.raises(HTTPError, match="404"):
+                urlopen(f"{address}/{name}")

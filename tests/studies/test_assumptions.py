@@ -1,15 +1,18 @@
-"""Study refutation: questions with a known answer, and a world in which association says what intervention does not."""
+"""Study assumptions: percepts are spoilt as said, and association says what intervention does not."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import statsmodels.api as sm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import default_rng as rng
 
+from pipeline.perception.objects import Objects
 from pipeline.world.layout import Items, Layouts, concatenated, segment_distance
-from studies.refutation.origin import NO_SUCH_KIND_M, layout_distance, true_objects
-from studies.refutation.stage import GLASS, PLATE, World, association, association_strength, lay_out
+from studies.assumptions.origin import inside, true_objects
+from studies.assumptions.stage import NO_SUCH_KIND_M, added_gap, layout_distance, ledger, miss, mistake
+from studies.assumptions.world import GLASS, PLATE, World, association, association_strength, lay_out
 from tests.factories import RULES, least_gaps
 
 # Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
@@ -20,7 +23,7 @@ ROUND_AND_OVAL = Items(
 )
 ROUND, OVAL = np.arange(4), np.arange(4, 8)
 WORLD = World(
-    root_seed=0, scenes=2, p_common_cause=0.9, doses=[0, 0.9], gap_m=[0.015, 0.04], present=0.8, glasses=2, near_m=0.045
+    root_seed=0, p_common_cause=0.9, doses=[0, 0.9], gap_m=[0.015, 0.04], present=0.8, glasses=2, near_m=0.045
 )
 
 
@@ -106,3 +109,58 @@ def test_a_layout_is_no_distance_from_itself_and_far_from_one_without_its_kind()
     kinds = set(layouts.symbol[0][layouts.present[0]])
     if kinds != {(kind + 1) % 4 for kind in kinds}:
         assert layout_distance(layouts[[0]], other)[0] == NO_SUCH_KIND_M
+
+
+def told(layouts: Layouts) -> Objects:
+    objects = [true_objects(np.full((100, 100, 3), 120, np.uint8), layouts[[i]]) for i in range(len(layouts))]
+    return Objects.of(objects, [0.0] * len(objects))
+
+
+def test_missed_items_leave_no_gap_and_the_others_stay_as_they_are():
+    objects = told(drawn(3, 12, ROUND))
+    fewer = miss(rng(0), objects, 0.4)
+    count = fewer.present.sum(1)
+    assert (fewer.present == (np.arange(fewer.present.shape[1]) < count[:, None])).all()
+    assert 0 < count.sum() < objects.present.sum()
+    for scene in range(len(objects)):
+        kept, there = fewer.ends[scene, : count[scene]], objects.ends[scene, objects.present[scene]]
+        assert all((there == one).all((1, 2)).any() for one in kept)
+    assert (miss(rng(0), objects, 0.1).present.sum(1) >= count).all()
+
+
+def test_mistaken_items_stand_where_they_stood_and_have_features_of_others():
+    objects = told(drawn(3, 12, ROUND))
+    mistaken, present = mistake(rng(0), objects, 0.4), objects.present
+    np.testing.assert_array_equal(mistaken.ends, objects.ends)
+    changed = (mistaken.features != objects.features).any(-1)
+    assert 0 < changed.sum() <= 0.7 * present.sum() and not changed[~present].any()
+    assert {tuple(x) for x in mistaken.features[present]} <= {tuple(x) for x in objects.features[present]}
+
+
+def test_an_added_item_s_gap_is_that_of_the_last_item_to_its_nearest_neighbour():
+    layouts = drawn(4, 10, ROUND)
+    for scene, gap in enumerate(added_gap(layouts)):
+        *others, last = np.flatnonzero(layouts.present[scene])
+        ends, radius = layouts.ends[scene], layouts.radius[scene]
+        gaps = segment_distance(ends[others], ends[[last]]) - radius[others] - radius[last]
+        assert gap == (pytest.approx(gaps.min()) if others else np.inf)
+
+
+def test_an_item_covers_its_own_area():
+    layouts = drawn(1, 4, ROUND)
+    area = np.pi * layouts.radius**2 + 4 * layouts.half_length * layouts.radius
+    np.testing.assert_allclose(inside(layouts, 200).mean((2, 3)), area * layouts.present, atol=2e-3)
+
+
+def test_a_verdict_flips_at_the_first_dose_in_order_at_which_it_is_no_longer_right():
+    right = {"glass": [1, 1, 0, 1], "plate": [0, 1, 0, 0], "bowl": [1, 1, 1, 1]}
+    keys = {"attempt": "gap", "variant": "clearance", "user": "normal"}
+    rows = [
+        keys | {"symbol": s, "dose": d, "right": bool(x)}
+        for s in right
+        for d, x in zip((9, 3, 2, 1), right[s], strict=True)
+    ]
+    table = ledger(pd.DataFrame(rows), "normal").set_index("claim")
+    assert table["flips_at"].tolist() == [2, 2] and table["strongest"].tolist() == [1, 1]
+    assert table.loc["all", ["asked", "right_weakest", "right_strongest"]].tolist() == [3, 2, 2]
+    assert ledger(pd.DataFrame(rows[4:]).assign(symbol="glass", dose=range(8)), "normal")["flips_at"].isna().all()
