@@ -86,7 +86,11 @@ def _surround(rng: np.random.Generator, share: float) -> None:
     """Surround the table by a room of two colours, brighter on one side, that gives this share of the irradiance."""
     world = bpy.context.scene.world = bpy.data.worlds.new("room")
     n = Nodes(world)
-    inputs = {"Vector": n.add("TexCoord"), "W": rng.uniform(-50, 50), "Scale": rng.uniform(0.8, 2.5)}
+    inputs: dict[int | str, Any] = {
+        "Vector": n.add("TexCoord"),
+        "W": rng.uniform(-50, 50),
+        "Scale": rng.uniform(0.8, 2.5),
+    }
     ramp = n.add("ValToRGB", {0: n.add("TexNoise", inputs, noise_dimensions="4D")})
     tint = 1 + rng.normal(0, 0.08, 3)
     low, high = rng.uniform(0.1, 0.6), rng.uniform(1.4, 3.0)

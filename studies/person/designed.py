@@ -28,7 +28,7 @@ def labels(
     asked = random_questions(rng, tables, kinds)
     rules, variant, margin = Rules.unknown(kinds, rng), rng.integers(len(VARIANTS)), rng.choice(margins_m, kinds)
     answers = (asked[:, variant] >= np.where(margin > 0, margin, -np.inf)).all(1)
-    answers ^= rng.random(len(answers)) < lapses / 2  # half of those who do not look are right
+    answers ^= rng.random(len(asked)) < lapses / 2  # half of those who do not look are right
     accepted, left = rules.accept(asked), rng.permutation(len(asked)).tolist()
     known_after = LABELS + 1
     for n in range(1, LABELS + 1):

@@ -14,6 +14,7 @@ from pipeline.own.asked import REAL, Sitting, real_trials
 from pipeline.own.files import SCENES, Faults
 from pipeline.own.folder import Folder
 from pipeline.own.frame import rectify
+from pipeline.own.pictures import read_picture
 from pipeline.own.recorder.asking import Asking
 from pipeline.own.recorder.serve import posted
 from pipeline.own.recorder.storage import as_sent
@@ -71,11 +72,11 @@ class Placing(Asking):
         if not 0 <= trial < len(plan):
             raise InputError("there is no such trial: reload the page")
         original = files.scene_files(self.folder.path, Faults())[self.folder.scenes[plan["scene"].iloc[trial]]]
-        rows, columns = files.read_picture(original, original.name).shape[:2]
+        rows, columns = read_picture(original, original.name).shape[:2]
 
         def store(part: Path) -> None:
             part.write_bytes(b64decode(picture.partition(",")[2]))
-            size = files.read_picture(part, "the photograph").shape[:2]
+            size = read_picture(part, "the photograph").shape[:2]
             if size != (rows, columns):
                 where = f"expected {columns} x {rows}, from the same place as {original.name}"
                 raise InputError(f"the photograph has {size[1]} x {size[0]} pixels: {where}")
@@ -97,4 +98,4 @@ class Placing(Asking):
             return super().drawn(user, row)
         settings = files.read_settings(self.folder.path)
         corners = settings.corners_of(self.folder.scenes[row.scene])
-        return rectify(files.read_picture(file, file.name), corners, np.array(settings.size_m))
+        return rectify(read_picture(file, file.name), corners, np.array(settings.size_m))
