@@ -13,6 +13,7 @@ from pathlib import Path
 from threading import RLock
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 import torch
 from numpy import ndarray as Array
@@ -35,7 +36,7 @@ from pipeline.runtime.writing import atomic_write
 from pipeline.stats.crossed import estimate
 from pipeline.stats.tests import verdict
 from pipeline.training.loop import Checkpoints
-from pipeline.training.refit import trainer
+from pipeline.training.trainers import trainer
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
 VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}  # train.model in conf/train.yaml
@@ -73,6 +74,9 @@ _pools = ThreadpoolController()  # of BLAS, looked up once: it takes 20 ms
 STATE: tuple[tuple[Callable[[], Any], Callable[[Any], object], Any], ...] = (  # how to get it, to set it, and to what
     (torch.get_default_dtype, torch.set_default_dtype, torch.float32),
     (torch.get_num_threads, torch.set_num_threads, 1),  # more are slower here, and change the order of sums
+    (cv2.getNumThreads, cv2.setNumThreads, 1),
+    # other kernels round otherwise
+    (lambda: torch.backends.mkldnn.enabled, lambda on: setattr(torch.backends.mkldnn, "enabled", on), True),
     (torch.get_float32_matmul_precision, torch.set_float32_matmul_precision, "highest"),
 )
 

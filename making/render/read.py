@@ -61,7 +61,9 @@ def read_rendered(folder: Path) -> Rendered:
     """
     for name in ("scenes.csv", "items.csv"):
         if not (folder / name).is_file():
-            raise InputError(f"{folder / name} is missing: run `dvc pull rendered/pictures.dvc` or `make render`")
+            raise InputError(
+                f"{folder / name} is missing: run `dvc pull --remote store rendered/pictures.dvc` or `make render`"
+            )
     scenes, items = pd.read_csv(folder / "scenes.csv"), pd.read_csv(folder / "items.csv")
     count = len(scenes)
     symbols = [symbol for symbol in SYMBOLS if (items["added"] & (items["symbol"] == symbol)).any()]

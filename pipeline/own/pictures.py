@@ -1,10 +1,6 @@
 """Read pictures that people took, safely: what is damaged or huge is refused by a sentence."""
 
-import os
-import re
 from pathlib import Path
-from tempfile import TemporaryFile
-from threading import Lock
 
 import cv2
 import numpy as np
@@ -13,11 +9,9 @@ from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
-from pipeline.world.images import image_size
+from pipeline.world.images import decode, image_size
 
 MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
-DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
-_one_decoder = Lock()  # as it takes descriptor 2
 
 
 def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
@@ -56,18 +50,9 @@ def decoded(path: Path, name: str, flag: int) -> Array:
     if width * height > MAX_PIXELS:
         most = f"{MAX_PIXELS // 1_000_000} megapixels"
         raise InputError(f"{name} has {width} x {height} pixels: expected at most {most}; scale it down")
-    with _one_decoder, TemporaryFile() as said:  # libjpeg and libpng write their warnings to descriptor 2
-        before = os.dup(2)
-        os.dup2(said.fileno(), 2)
-        try:
-            pixels = cv2.imdecode(np.fromfile(path, np.uint8), flag)
-        finally:
-            os.dup2(before, 2)
-            os.close(before)
-        said.seek(0)
-        damage = DAMAGE.search(said.read().decode("ascii", "replace"))
+    pixels, damage = decode(path, flag)
     if pixels is None or damage:
-        why = f" ({damage[0]})" if damage else ""
+        why = f" ({damage})" if damage else ""
         raise InputError(f"{name} is truncated or damaged{why}: expected a whole PNG or JPEG picture; copy it again")
     return pixels
 

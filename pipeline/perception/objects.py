@@ -38,7 +38,6 @@ MAX_TEXTURE_DISORDER = 0.75
 NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4  # mean over a pixel's four neighbours
 FineMask = UInt8[Array, "fine_row fine_column"]  # values 0 or 1
 
-cv2.setNumThreads(1)  # stages run one process per core
 
 MIN_LONG_ELONGATION = 2.5  # ratio of variances along and across above which an object's ends determine its length
 

@@ -9,6 +9,7 @@ from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
 from threading import Thread
 from typing import TypeVar
 
+import cv2
 import torch
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.backend import resource_tracker
@@ -45,9 +46,10 @@ def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: in
 
 
 def one_thread() -> None:
-    """Limit this process to one thread in torch and BLAS, since the order of sums changes rounding."""
+    """Limit this process to one thread in torch, BLAS and OpenCV, since the order of sums changes rounding."""
     torch.set_num_threads(1)
     threadpool_limits(1)
+    cv2.setNumThreads(1)
     disable_malloc_trim()
 
 

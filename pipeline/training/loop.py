@@ -80,6 +80,14 @@ def minimise(
     return np.array(points)
 
 
+@torch.no_grad()
+def unstack_models(parameters: Mapping[str, Tensor], models: Sequence[nn.Module]) -> None:
+    """Copy each model's slice of the stacked parameters, by name, into the model."""
+    for name, stacked in parameters.items():
+        for model, value in zip(models, stacked.unbind(), strict=True):
+            model.get_parameter(name).copy_(value)
+
+
 def pad_demonstrations(demonstrations: Sequence[Array]) -> list[Array]:
     """Return several models' demonstrations (scene, n, ...) padded to equal n by repeating each scene's first one."""
     rows = max(array.shape[1] for array in demonstrations)

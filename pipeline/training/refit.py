@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -15,19 +15,11 @@ from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.models.base import Images, ValidityModel
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import job_seed
-from pipeline.training.clearance import fit as clearance
-from pipeline.training.irl import fit as irl
-from pipeline.training.loop import Trainer, TrainingSet
-from pipeline.training.vae import engines
+from pipeline.training.loop import TrainingSet
+from pipeline.training.trainers import trainer
 
 Answer = TypeVar("Answer")
 Sets = Mapping[str, Sequence[TrainingSet]]  # by variant
-TRAINERS = {"train": engines.trainer, "irl": irl.trainer, "clearance": clearance.trainer}  # by stage
-
-
-def trainer(variant: Mapping[str, Any], groups: Mapping[str, Any]) -> Trainer:
-    """Return how its own stage fits a variant (conf/variants); groups: stage -> settings (conf/train.yaml, ...)."""
-    return TRAINERS[variant["stage"]](variant, groups[variant["stage"]])
 
 
 def demonstrations(cfg: DictConfig, scenes: SceneSet) -> list[TrainingSet]:

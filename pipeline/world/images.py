@@ -1,6 +1,11 @@
 """Read and write image files with OpenCV; an unusable file raises a one-sentence InputError."""
 
+import os
+import re
 from pathlib import Path
+from tempfile import TemporaryFile
+from threading import Lock
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,9 +17,11 @@ from pipeline.runtime.errors import InputError
 MAX_SIDE_PX = 4096  # largest allowed side: 64 MB as RGBA; larger images are refused before decoding
 PNG_SIGNATURE, JPEG_SIGNATURE = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"  # first bytes of the files
 JPEG_FRAME_MARKERS = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # segments that contain the image size
+DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d{1,2} extraneous bytes before marker 0xd9).*|libpng error.*")
+_one_decoder = Lock()  # as it takes descriptor 2
 
-cv2.setNumThreads(1)  # stages run one process per core
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # this module reports the errors itself
+_log: Any = getattr(cv2.utils, "logging", cv2)  # Blender's OpenCV is version 4
+_log.setLogLevel(0)  # silent: this module reports the errors itself
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -37,6 +44,21 @@ def image_size(path: Path) -> tuple[int, int]:
     raise InputError(f"{path} is truncated or not a PNG or JPEG image: restore or replace it")
 
 
+def decode(path: Path, flag: int) -> tuple[Array | None, str]:
+    """Return the pixels as OpenCV gives them, None if there are none, and what the decoder says is damaged."""
+    with _one_decoder, TemporaryFile() as said:  # libjpeg and libpng write their warnings to descriptor 2
+        before = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            pixels = cv2.imdecode(np.fromfile(path, np.uint8), flag)
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+        said.seek(0)
+        damage = DAMAGE.search(said.read().decode("ascii", "replace"))
+    return pixels, damage[0] if damage else ""
+
+
 def read_image(path: Path) -> UInt8[Array, "row column channel"]:
     """Return an image as RGB, or as RGBA (straight alpha) if the file has an alpha channel.
 
@@ -45,8 +67,8 @@ def read_image(path: Path) -> UInt8[Array, "row column channel"]:
     width, height = image_size(path)
     if max(width, height) > MAX_SIDE_PX:
         raise InputError(f"{path} is {width} x {height} pixels: expected at most {MAX_SIDE_PX} a side; scale it down")
-    pixels = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
-    if pixels is None:
+    pixels, damage = decode(path, cv2.IMREAD_UNCHANGED)
+    if pixels is None or damage:
         raise InputError(f"{path} is truncated or damaged: expected a whole PNG or JPEG image; restore or replace it")
     if pixels.dtype != np.uint8:
         raise InputError(f"{path} has {pixels.dtype} values: expected 8 bits a channel; save it as such")

@@ -42,6 +42,9 @@ class ImageSource(Group):
     vignette: ShareRange = (0.02, 0.10)
     noise: ShareRange = (0.006, 0.016)
 
+    def __hash__(self) -> int:
+        return hash(tuple(vars(self).values()))
+
 
 DRAWN = ImageSource()
 

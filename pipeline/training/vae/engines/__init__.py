@@ -39,7 +39,11 @@ def engine(name: str) -> Engine:
     """Return an engine (`auto`: cuda with a GPU, else simd); raise InputError if it lacks its GPU."""
     gpu = torch.cuda.is_available()
     if name == "simd" or (name == "auto" and not gpu):
-        from pipeline.training.vae.engines.simd import LANES, fit_stack  # compiles on first import
+        try:
+            from pipeline.training.vae.engines.simd import LANES, fit_stack  # compiles on first import
+        except ModuleNotFoundError as error:
+            need = f"this variant needs {error.name}: pip install 'causal-specifications[pipeline]'"
+            raise InputError(need) from error
 
         return Engine("simd", fit_stack, LANES)
     if name == "reference":
