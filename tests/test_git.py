@@ -27,6 +27,7 @@ def person(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A person's repository: a branch of the working tree, changes and new files of it too."""
     root = clone_of_working_tree(tmp_path_factory.mktemp("person") / "repository")
     git(root, "checkout", "--quiet", "-b", "mine")
+    git(root, "config", "--unset", "core.hooksPath")  # hooks of a clone are off; a person's are not
     return root
 
 

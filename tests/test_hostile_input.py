@@ -58,7 +58,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def checked(whole: Path, spoil: Callable[[Path], object]) -> None:
-    """A copy of the folder, spoilt, has no fault or is refused with sentences, and stays as it is."""
+    """A copy of the folder, spoilt, has no fault or is refused with sentences, and gains nothing but the sheet."""
     folder = whole.with_name("copy")
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(whole, folder)
@@ -66,6 +66,7 @@ def checked(whole: Path, spoil: Callable[[Path], object]) -> None:
     before = tree(folder)
     code, said = command(own, ["check", str(folder)])
     assert code in (0, 1) and said and (code == 0) == ("no fault" in said)
+    (folder / "check.png").unlink(missing_ok=True)
     assert "\x1b" not in said and tree(folder) == before
 
 

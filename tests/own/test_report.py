@@ -60,7 +60,7 @@ def test_the_report_of_the_example_says_what_its_users_do(example: Path):
     distances = table(example, "distances").set_index(["user", "kind"])["radius_m"]
     assert distances["Jürgen", "glass"] == pytest.approx(0.042, abs=0.015)
     assert (metrics["scenes"], metrics["demonstrations"], metrics["recall"]) == (14, 192, 1.0)
-    assert "The detector finds 100\u00a0% of the 34 listed items" in text
+    assert "The detector alone would find 100\u00a0% of these 34 items" in text
     assert list(table(example, "disagreement").query("not shown")["scene"].unique()) != []
     assert "Accuracy" in pd.read_csv(example / "tables" / "learning.csv"), "the csv below a table is that table"
     links = set(re.findall(r'(?:src|href|data)="([^"#:]+)"', page))
@@ -127,5 +127,5 @@ def test_names_are_harmless_and_what_a_folder_cannot_tell_is_left_out_and_said(t
         cells = pd.read_csv(file, dtype=str, keep_default_na=False).to_numpy().ravel()
         assert not [cell for cell in cells if cell.startswith(("=", "@"))], file
     assert "'=HYPERLINK" in (folder / "report" / "tables" / "scores.csv").read_text()
-    assert "There is no items.csv" in page and "There are no cut-outs in kinds/" in page
+    assert "Nobody outlined any item" in page and "There are no cut-outs in kinds/" in page
     assert not (folder / "report" / "tables" / "interventions.csv").exists()

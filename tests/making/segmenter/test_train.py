@@ -13,7 +13,7 @@ from pipeline.perception.segmenter import read_segmenter
 
 @pytest.mark.slow
 def test_a_short_training_lowers_the_loss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    for part in range(2):
+    for part in range(3):
         np.save(pool.part_file(tmp_path, part), np.concatenate(draw(np.random.default_rng(part), 20, "data")))
     monkeypatch.setattr(train, "PART", 20)
     monkeypatch.setattr(train, "FIRST_PARTS", 2)
