@@ -407,8 +407,7 @@ def _chipboard(rng: Rng, n: Nodes) -> Socket:
     for _ in range(5):
         cell = n.cells(n.place(rng, (0.5, rng.uniform(1.5, 4.0))), scale)
         tone, drawn = (n.add("SeparateColor", {0: cell}, out=i) for i in (0, 1))
-        strand = n.math("GREATER_THAN", drawn, 0.5)
-        painted = n.mix(strand, painted, n.mix(tone, light, dark))
+        painted = n.mix(n.math("GREATER_THAN", drawn, 0.5), painted, n.mix(tone, light, dark))
     return n.principled(painted, Roughness=rng.uniform(0.4, 0.8))
 
 
