@@ -119,12 +119,13 @@ def random_colour(rng: np.random.Generator, neutral: float = 0.35) -> tuple[floa
 
 
 def ceramic(seed: int, decoration: str, name: str) -> Any:
-    """Return a glazed ceramic: plain, with rings, speckles, two glazes that run into each other, sectors,
-    crackles, rings of dots, or a gilded rim.
+    """Return a glazed ceramic: plain, with rings, speckles, two glazes that run into each other, sectors, crackles,
+    rings of dots, a gilded rim, one side dipped into another glaze, squares around its rim, or marbled.
     """
     rng, n = np.random.default_rng(seed), Nodes(bpy.data.materials.new(name))
     gauge = n.add("Attribute", attribute_name="gauge", out=2)
     where = n.add("TexCoord", out=3)
+    bearing = n.math("ARCTAN2", n.axis(where, 1), n.axis(where, 0))
     base, accent = random_colour(rng, 0.55), random_colour(rng, 0.15)
     painted: Any = n.mix(n.math("LESS_THAN", gauge, -0.5), base, accent if rng.random() < 0.3 else base)
     if decoration == "ringed":
@@ -140,7 +141,6 @@ def ceramic(seed: int, decoration: str, name: str) -> Any:
         level = rng.uniform(0.6, 1.05)
         painted = n.mix(n.step(edge, level - 0.06, level + 0.06), painted, accent)
     if decoration == "sectors":
-        bearing = n.math("ARCTAN2", n.axis(where, 1), n.axis(where, 0))
         twist = n.math("MULTIPLY", gauge, rng.choice([0.0, 2.0, 4.0]))
         lobes = n.math("SINE", n.math("ADD", n.math("MULTIPLY", bearing, float(rng.integers(3, 12))), twist))
         inside = n.math("GREATER_THAN", gauge, rng.uniform(0.0, 0.6))
@@ -149,13 +149,22 @@ def ceramic(seed: int, decoration: str, name: str) -> Any:
         seams = n.cells(where, rng.uniform(50, 110), out=0, feature="DISTANCE_TO_EDGE")
         painted = n.mix(n.math("MULTIPLY", n.step(seams, 0.06, 0.02), rng.uniform(0.5, 0.9)), painted, accent)
     if decoration == "dotted":
-        bearing = n.math("ARCTAN2", n.axis(where, 1), n.axis(where, 0))
         for radius in np.linspace(rng.uniform(0.35, 0.6), 0.88, rng.integers(1, 4)):
             dots = float(rng.integers(8, 20))
             arc = n.math("SUBTRACT", n.math("FRACT", n.math("MULTIPLY", bearing, dots / (2 * np.pi))), 0.5)
             along = n.math("MULTIPLY", arc, 2 * np.pi * radius / dots)
             away = n.math("ADD", n.math("POWER", along, 2.0), n.math("POWER", n.math("SUBTRACT", gauge, radius), 2.0))
             painted = n.mix(n.math("LESS_THAN", away, rng.uniform(0.03, 0.07) ** 2), painted, accent)
+    if decoration == "dipped":
+        level = n.math("ADD", rng.uniform(-0.03, 0.03), n.math("MULTIPLY", n.noise(where, 15.0), 0.01))
+        painted = n.mix(n.math("GREATER_THAN", n.axis(where, 0), level), painted, accent)
+    if decoration == "chequered":
+        turns, rows = (n.whole(v, p) for v, p in ((bearing, np.pi / rng.integers(6, 14)), (gauge, 0.17)))
+        odd = n.math("FLOORED_MODULO", n.math("ADD", turns, rows), 2.0)
+        inside = n.math("GREATER_THAN", gauge, rng.uniform(0.3, 0.7))
+        painted = n.mix(n.math("MULTIPLY", odd, inside), painted, accent)
+    if decoration == "marbled":
+        painted = n.mix(n.step(n.noise(where, rng.uniform(12, 30), 2.0, 3.0), 0.5, 0.54), painted, accent)
     rim = n.math("GREATER_THAN", gauge, rng.uniform(0.86, 0.95)) if decoration == "gilded" else None
     if rim is not None:
         painted = n.mix(rim, painted, colour(rng.uniform(0.09, 0.13), 0.5, 0.9))
@@ -178,13 +187,16 @@ def wood(seed: int, name: str) -> Any:
 
 
 def metal(seed: int, kind: str, name: str) -> Any:
-    """Return polished steel, black steel, a yellow or red metal (`brass`), or either for crockery (`enamel`)."""
+    """Return polished, black or rainbow steel, a yellow or red metal (`brass`), or either for crockery (`enamel`)."""
     rng, n = np.random.default_rng(seed), Nodes(bpy.data.materials.new(name))
     steel = colour(0.6, 0.02, rng.uniform(0.72, 0.86))
     brass = colour(rng.uniform(0.04, 0.13), rng.uniform(0.3, 0.55), rng.uniform(0.75, 0.92))
     if kind == "black steel":
         steel, kind = colour(0.6, 0.05, rng.uniform(0.22, 0.4)), "steel"
     tint = steel if kind == "steel" or (kind == "enamel" and rng.random() < 0.6) else brass
+    if kind == "rainbow steel":  # its hue runs along the piece
+        hue = n.math("FRACT", n.math("ADD", rng.random(), n.math("MULTIPLY", n.axis(n.add("TexCoord", out=3), 0), 6.0)))
+        tint = n.add("CombineColor", {0: hue, 1: rng.uniform(0.4, 0.7), 2: rng.uniform(0.5, 0.8)}, mode="HSV")
     rough = n.math("ADD", rng.uniform(0.12, 0.34), n.math("MULTIPLY", n.noise(n.add("TexCoord", out=3), 300.0), 0.1))
     return n.finish(n.principled(tint, Metallic=1.0, Roughness=rough))
 
@@ -195,17 +207,20 @@ def plastic(seed: int, name: str) -> Any:
     return n.finish(n.principled(random_colour(rng, 0.25), Roughness=rng.uniform(0.2, 0.5)))
 
 
-def striped(seed: int, name: str) -> Any:
-    """Return plastic with stripes across the length of a handle."""
+def two_colours(pattern: str, seed: int, name: str) -> Any:
+    """Return plastic of two colours: striped across the length of a handle, or swirled."""
     rng, n = np.random.default_rng(seed), Nodes(bpy.data.materials.new(name))
-    band = n.math("LESS_THAN", n.wave(n.axis(n.add("TexCoord", out=3), 0), rng.uniform(0.008, 0.03)), 0.5)
+    where = n.add("TexCoord", out=3)
+    band = n.math("LESS_THAN", n.wave(n.axis(where, 0), rng.uniform(0.008, 0.03)), 0.5)
+    if pattern == "swirled":
+        band = n.step(n.noise(where, rng.uniform(40, 90), 2.0, 2.0), 0.45, 0.55)
     painted = n.mix(band, random_colour(rng, 0.3), random_colour(rng, 0.3))
     return n.finish(n.principled(painted, Roughness=rng.uniform(0.2, 0.5)))
 
 
 def glass(seed: int, kind: str, name: str) -> Any:
-    """Return refracting glass (index 1.45 to 1.52): clear, tinted, frosted, clear with a coloured rim, smoked, or
-    clear with ribs.
+    """Return refracting glass (index 1.45 to 1.52): clear, tinted, frosted, clear with a coloured rim, smoked, clear
+    with ribs or bubbles, or graded from one tint below to another above.
 
     Rays that light other things pass straight through, dimmed at grazing angles, for a path tracer finds no caustics.
     """
@@ -221,6 +236,9 @@ def glass(seed: int, kind: str, name: str) -> Any:
     if tint is None:  # light passes four surfaces: smoked glass lets 0.25 to 0.6 of it through
         smoked = colour(hue, 0.04, rng.uniform(0.86, 0.94))
         tint = smoked if kind == "smoked" else colour(hue, 0.0, 0.99)
+    if kind == "graded":
+        low, high = (colour(hue + shift, rng.uniform(0.06, 0.2), 0.98) for shift in (0.0, 0.4))
+        tint = n.mix(n.axis(n.add("TexCoord"), 2), low, high)
     rough = rng.uniform(0.15, 0.35) if kind == "frosted" else 0.0
     body = n.add("BsdfGlass", {"Color": tint, "Roughness": rough, "IOR": rng.uniform(1.45, 1.52)})
     if kind == "ribbed":
@@ -228,6 +246,9 @@ def glass(seed: int, kind: str, name: str) -> Any:
         bearing = n.math("ARCTAN2", n.axis(where, 1), n.axis(where, 0))
         ribs = n.math("SINE", n.math("MULTIPLY", bearing, float(rng.integers(12, 28))))
         body = n.add("BsdfGlass", {"Color": tint, "IOR": 1.5, "Normal": n.bump(ribs, rng.uniform(0.0004, 0.001))})
+    if kind == "bubbled":
+        bubbles = n.step(n.cells(n.add("TexCoord", out=3), rng.uniform(70, 130), out=0), 0.35, 0.1)
+        body = n.add("BsdfGlass", {"Color": tint, "IOR": 1.5, "Normal": n.bump(bubbles, 0.001)})
     if kind == "coloured rim":
         rim = n.math("GREATER_THAN", n.axis(n.add("TexCoord"), 2), 0.96)
         body = n.add("MixShader", {0: rim, 1: body, 2: n.principled(colour(hue, 0.7, 0.8), Roughness=0.2)})

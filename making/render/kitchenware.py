@@ -40,26 +40,27 @@ class Design(NamedTuple):
 
 KINDS = ("taught", "held_out", "sealed")  # a column each of the tables of shapes and finishes
 SHAPES = {
-    "bowl": (("hemisphere", "footed", "straight"), ("oval", "lipped", "stepped"), ("flared", "incurved", "boat")),
-    "plate": (("rimmed", "coupe"), ("platter", "tray", "saucer"), ("pasta plate", "cake stand")),
-    "cutlery": (
-        ("fork", "knife", "spoon"),
-        ("spatula", "chopsticks", "dessert fork"),
-        ("ladle", "tongs", "cake server"),
-    ),
-    "glass": (("tumbler", "tapered", "stemless"), ("oval tumbler", "goblet", "heavy"), ("waisted", "coupe glass")),
-}
+    "bowl": (("hemisphere", "footed", "straight"), ("oval", "lipped", "stepped", "flared", "incurved", "boat"),
+             ("bell", "trough")),
+    "plate": (("rimmed", "coupe"), ("platter", "tray", "saucer", "pasta plate", "cake stand"), ("terraced", "board")),
+    "cutlery": (("fork", "knife", "spoon"),
+                ("spatula", "chopsticks", "dessert fork", "ladle", "tongs", "cake server"), ("butter knife", "paddle")),
+    "glass": (("tumbler", "tapered", "stemless"), ("oval tumbler", "goblet", "heavy", "waisted", "coupe glass"),
+              ("martini", "pedestal")),
+}  # fmt: skip
 CROCKERY = (
     ("glazed", "ringed", "speckled"),
-    ("sectors", "wood", "metal", "two glazes"),
-    ("crackled", "dotted", "gilded"),
+    ("sectors", "wood", "metal", "two glazes", "crackled", "dotted", "gilded"),
+    ("dipped", "chequered", "marbled"),
 )
 FINISHES = {
     "bowl": CROCKERY,
     "plate": CROCKERY,
-    "cutlery": (("steel", "plastic handle"), ("brass", "wood", "plastic"), ("black steel", "striped handle")),
-    "glass": (("clear", "pale tint"), ("deep tint", "frosted", "coloured rim"), ("smoked", "ribbed")),
-}
+    "cutlery": (("steel", "plastic handle"), ("brass", "wood", "plastic", "black steel", "striped handle"),
+                ("rainbow steel", "swirled handle")),
+    "glass": (("clear", "pale tint"), ("deep tint", "frosted", "coloured rim", "smoked", "ribbed"),
+              ("bubbled", "graded")),
+}  # fmt: skip
 
 
 def design(rng: Rng, symbol: str, kinds: str) -> Design:
@@ -99,9 +100,13 @@ def _bowl(rng: Rng, shape: str, finish: str) -> Design:
     wall = rng.uniform(0.0035, 0.0065)
     if shape in ("oval", "boat"):
         half_length = radius * rng.uniform(0.15, 0.5)
-        radius = radius / (1 + 0.6 * half_length / radius)
+    if shape == "trough":
+        half_length, high = radius * rng.uniform(0.6, 0.9), 0.7 * high
+    radius = radius / (1 + 0.6 * half_length / radius)
     steps = np.linspace(0, 1, 7)
-    bulge = {"straight": 1.1, "lipped": 1.7, "flared": 0.7, "boat": 0.8}.get(shape, 2.2) * rng.uniform(0.85, 1.2)
+    bulge = {"straight": 1.1, "lipped": 1.7, "flared": 0.7, "boat": 0.8, "trough": 3.5}.get(shape, 2.2) * rng.uniform(
+        0.85, 1.2
+    )
     if shape == "stepped":
         steps = np.array([0, 0.5, 0.55, 0.56, 1.0])
         bulge = 1.3
@@ -114,6 +119,9 @@ def _bowl(rng: Rng, shape: str, finish: str) -> Design:
         mouth = radius * rng.uniform(0.74, 0.88)
         belly = [(0.86, 0.25), (0.97, 0.45), (1.0, 0.6), (0.97, 0.78)]
         outer = [(foot, 0.0), *((share * radius, height * high) for share, height in belly), (mouth, high)]
+    if shape == "bell":
+        sides = [(0.62, 0.08), (0.74, 0.25), (0.78, 0.55), (0.84, 0.8), (1.0, 1.0)]
+        outer = [(0.5 * radius, 0.0), *((share * radius, height * high) for share, height in sides)]
     mesh = turned(_wall(outer, wall, raised + wall), radius, half_length)
     return Design("bowl", shape, finish, radius, half_length, [Part(mesh, _crockery(rng, finish))])
 
@@ -121,7 +129,7 @@ def _bowl(rng: Rng, shape: str, finish: str) -> Design:
 def _plate(rng: Rng, shape: str, finish: str) -> Design:
     """Draw a plate: 1 to 3 cm high, with a well and a rim unless it is a coupe."""
     radius, half_length = rng.uniform(0.066, 0.085), 0.0
-    if shape == "platter":
+    if shape in ("platter", "board"):
         half_length = radius * rng.uniform(0.2, 0.6)
         radius = radius / (1 + 0.6 * half_length / radius)
     high, thick = rng.uniform(0.010, 0.022), rng.uniform(0.003, 0.005)
@@ -134,11 +142,15 @@ def _plate(rng: Rng, shape: str, finish: str) -> Design:
         "tray": [(0.97 * radius, 0.002), (0.98 * radius, 0.003), (0.985 * radius, 0.9 * high), (radius, high)],
         "pasta plate": [(0.6 * radius, 0.7 * high + 0.006), (0.64 * radius, high + 0.006), (radius, high + 0.01)],
         "cake stand": [(foot, 0.003), (0.15 * radius, 0.01), (0.15 * radius, high + 0.015), (radius, high + 0.02)],
+        "terraced": [(0.4 * radius, 0.004), (0.44 * radius, high), (0.7 * radius, high), (0.73 * radius, 1.7 * high)],
+        "board": [(0.97 * radius, 0.001), (radius, 0.004), (radius, high)],
         "saucer": [(0.3 * radius + 0.5 * foot, 0.004), (well, 0.006), (0.9 * radius, high), (radius, high * 0.95)],
     }[shape]
     below = np.array([(0.0, 0.001), (foot, 0.0), *outer])
     above = below[::-1] + np.array([0.0, thick])
     above[0, 0] -= thick / 2
+    if shape == "board":
+        above = np.array([(0.97 * radius, high + 0.002), (0.0, high + 0.002)])
     if shape == "cake stand":
         top, lip = high + 0.02 + thick, rng.uniform(0.002, 0.006)
         edge = radius - 0.004
@@ -178,11 +190,17 @@ def _glass(rng: Rng, shape: str, finish: str) -> Design:
         waist = radius * rng.uniform(0.68, 0.8)
         start = 0.0
         outer = [(foot, 0.0), (foot, 0.004), (waist, 0.4 * high), (0.97 * waist, 0.55 * high), (radius, high)]
-    elif shape == "coupe glass":
+    elif shape in ("coupe glass", "martini"):
         start, foot = rng.uniform(0.05, 0.075), radius * rng.uniform(0.6, 0.75)
-        cup = [(0.35, 0.0), (0.75, 0.25), (0.95, 0.6), (1.0, 1.0)]
+        cup = (
+            [(0.35, 0.0), (0.75, 0.25), (0.95, 0.6), (1.0, 1.0)] if shape == "coupe glass" else [(0.2, 0.0), (1.0, 1.0)]
+        )
         stem = [(foot, 0.0), (foot, 0.002), (0.006, 0.006), (0.005, start - 0.006)]
         outer, base = stem + [(r * radius, start + z * 0.4 * high) for r, z in cup], min(base, 0.006) + start
+    elif shape == "pedestal":
+        start = rng.uniform(0.012, 0.022)
+        outer = [(foot, 0.0), (foot, 0.003), (0.45 * foot, 0.5 * start), (0.8 * radius, 1.4 * start), (radius, high)]
+        base += start
     elif shape in ("stemless", "goblet"):
         mouth, waist = radius * rng.uniform(0.66, 0.8), rng.uniform(0.35, 0.5)
         cup = [(0.5, 0.0), (0.86, 0.12), (0.98, 0.28), (1.0, waist), (0.93, 0.72), (mouth / radius, 1.0)]
@@ -207,8 +225,9 @@ def _cutlery(rng: Rng, shape: str, finish: str) -> Design:
         length = rng.uniform(0.135, 0.16)
     half_length = length / 2 - radius
     seed = int(rng.integers(2**31))
-    metal: Paint = partial(finishes.metal, seed, finish if finish in ("brass", "black steel") else "steel")
-    makers = {"striped": finishes.striped, "plastic": finishes.plastic, "wood": finishes.wood}
+    metal: Paint = partial(finishes.metal, seed, finish if finish == "brass" or "steel" in finish else "steel")
+    makers = {pattern: partial(finishes.two_colours, pattern) for pattern in ("striped", "swirled")}
+    makers |= {"plastic": finishes.plastic, "wood": finishes.wood}
     maker = makers.get(finish.removesuffix(" handle"))
     handle: Paint = partial(maker, seed) if maker else metal
     head = metal if finish.endswith(" handle") else handle
@@ -244,6 +263,8 @@ def _piece(rng: Rng, shape: str, radius: float, reach: float) -> list[tuple[Mesh
     blades = {  # place along the head, and half-width there [radius]; it begins as wide as the handle
         "knife": ([0, 0.1, 0.6, 0.85, 1], [0.9, 1, 0.8, 0.25]),
         "spatula": ([0, 0.25, 0.9, 1], [0.8, 1, 0.9]),
+        "butter knife": ([0, 0.12, 0.5, 0.8, 1], [0.7, 1, 0.95, 0.5]),
+        "paddle": ([0, 0.25, 0.5, 0.85, 1], [0.9, 1, 1, 0.7]),
         "cake server": ([0, 0.08, 0.15, 1], [0.5, 1, 0.15]),
     }
     if shape in blades:
