@@ -55,7 +55,7 @@ Path2 = Float[Array, "point 2"]  # [m on the table]
 
 @dataclass(frozen=True)
 class Sitting:
-    """What one person was asked about one state of a folder, and the answers by row of the plan, in order."""
+    """Hold what one person was asked about one state of a folder, and the answers by row of the plan, in order."""
 
     user: str
     digest: str  # of the folder's pictures and cut-outs

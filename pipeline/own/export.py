@@ -1,4 +1,4 @@
-"""What a report says, in the files that planners read: a specification, keep-out masks, repaired paths in a bag.
+"""Write what a report says to the files that planners read: a specification, keep-out masks, repaired paths in a bag.
 
 specification.yaml: for each user, the distance kept from each kind, how sure that is, and what was never tested.
 keep_out/: for each scene and user a mask of Nav2's map server; black where the model rejects standing.

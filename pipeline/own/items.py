@@ -68,7 +68,7 @@ class Coco(BaseModel):
 
 
 class Views(NamedTuple):
-    """How pictures show the table: their sizes [pixels] by scene, and the corners that table.yaml gives."""
+    """Hold how pictures show the table: their sizes [pixels] by scene, and the corners that table.yaml gives."""
 
     sizes: Mapping[str, tuple[int, int]]
     settings: Settings

@@ -1,4 +1,4 @@
-"""What stands on each table, and how that is known: told, against the empty table, or by the picture alone.
+"""Find what stands on each table, and say how that is known: told, against the empty table, or by the picture alone.
 
 Kinds that a person named are learned from their items' looks, so that other items get the most alike kind.
 """
@@ -60,7 +60,7 @@ def _looks(one: Object) -> Float[Array, " look"]:
 
 @dataclass(frozen=True)
 class Seen:
-    """What stands in the scenes of a folder."""
+    """Hold what stands in the scenes of a folder."""
 
     frame: Frame
     empty: Image | None  # the table without items
