@@ -169,7 +169,7 @@ data: $(READY)  ## draw data/ anew and put it into the store
 render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of its own (Python 3.11), and put it into the store; an hour and a half
 	test -x .venv-rendered/bin/python || python3.11 -m venv .venv-rendered
 	.venv-rendered/bin/python -m pip install --quiet --disable-pip-version-check -r making/render/requirements.txt
-	set -- train 4 validation_taught 5 validation_held_out 7 test_taught 11 test_held_out 13; while [ $$# -gt 0 ]; do \
+	set -- train 4 validation_taught 5 validation_held_out 7 test_taught 1272962571 test_held_out 1371790790; while [ $$# -gt 0 ]; do \
 	    PYTHONPATH=. .venv-rendered/bin/python -m making.render --split $$1 --seed $$2 --into rendered/pictures/$$1; shift 2; done
 	dvc add rendered/pictures && dvc push --remote store rendered/pictures.dvc
 

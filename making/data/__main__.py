@@ -13,7 +13,7 @@ from making.data.designs import Design, designs, surfaces
 from pipeline.world.images import write_png
 
 SURFACE_WIDTH_M = 1.0  # width of a table top's image [m]
-PROVENANCE = {"source": "drawn by python -m drawing", "licence": "MIT"}  # the words that data.dvc pins
+PROVENANCE = {"source": "drawn by python -m making.data", "licence": "MIT"}
 
 Tops = dict[str, tuple[str, Callable[[], np.ndarray]]]  # name -> (split, function that draws it)
 

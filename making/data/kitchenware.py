@@ -59,12 +59,14 @@ def _painted(seed: int, colour: Array, accent: Colour, pattern: str, r: Array, l
     bearing = np.arctan2(y, x)
     band = smoothstep(low - 0.01, low + 0.01, r) * (1 - smoothstep(high - 0.01, high + 0.01, r))
     squares = np.sin(bearing * 14) * np.sin((r - low) * 2 * np.pi / 0.2)
+    petal = np.abs(np.sin(bearing * 4)) * (high - low) * 0.9 - np.abs(r - (low + high) / 2) * 1.6
     middle, arc = (low + high) / 2, (bearing / (2 * np.pi) * 20) % 1 - 0.5
     shares = {
         "plain": lambda: 0 * r,
         "band": lambda: band * smoothstep(middle + 0.08, middle + 0.10, r),
         "rings": lambda: band * (0.5 + 0.5 * np.tanh(np.sin((r - low) * 2 * np.pi / 0.11) / 0.25)),
         "rays": lambda: band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 18) / 0.3)),
+        "petals": lambda: band * smoothstep(-0.012, 0.012, petal),
         "dots": lambda: 1 - smoothstep(0.035, 0.05, np.hypot(arc * 2 * np.pi * middle / 20, r - middle)),
         "checks": lambda: band * (0.5 + 0.5 * np.tanh(squares / 0.15)),
         "speckles": lambda: smoothstep(1.9, 2.2, noise(rng, 0.006, 0.006)),

@@ -14,7 +14,7 @@ from making.data.shading import FINE, mix, noise, plain, smoothstep
 
 Colour = tuple[float, float, float]
 SURFACE_SIDE = FINE // 2  # side of a table top's image [px]
-PATTERNS = ("veins", "stripes", "tiles")  # of the unseen tops: the kinds that making.data.designs drew
+PATTERNS = ("veins", "stripes", "tiles", "checks", "cracks")  # that unseen tops may have
 
 
 def surface(seed: int | Sequence[int], kind: str, light: Colour, dark: Colour) -> UInt8[Array, "side side 3"]:
@@ -64,6 +64,12 @@ def _pattern(rng: np.random.Generator, kind: str) -> Float[Array, "side side"]:
         return between(0.4, 0.9) * (1 - smoothstep(0, between(0.08, 0.3), vein)) + 0.08 * cloud(0.08)
     if kind == "stripes":
         return 0.3 + between(0.1, 0.4) * band(x, between(0.05, 0.25), between(0.15, 0.5)) + 0.03 * cloud(0.003)
+    if kind == "cracks":
+        crack = np.abs(cloud(0.08) + 0.3 * cloud(0.015))
+        return 0.3 + between(0.3, 0.7) * (1 - smoothstep(0, between(0.03, 0.08), crack)) + 0.05 * cloud(0.05)
+    if kind == "checks":
+        period = between(0.06, 0.2)
+        return between(0.3, 1) * (0.2 + 0.3 * band(x, period, 0.5) + 0.3 * band(y, period, 0.5)) + 0.03 * cloud(0.003)
     period, joint = between(0.1, 0.3), between(0.006, 0.014)  # tiles
     tone = rng.uniform(-0.2, 0.2, (10, 10))[(y / period).astype(int), (x / period).astype(int)]
     joints = np.maximum(band(x, period, joint / period), band(y, period, joint / period))
