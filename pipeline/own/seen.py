@@ -73,7 +73,8 @@ class Seen:
     @property
     def objects(self) -> Objects:
         """Return the objects that models see."""
-        return self._packed([self._scene(i) for i in range(len(self.ways))], [*map(self._doubt, range(len(self.ways)))])
+        doubts = [0.0 if scene in self.told else doubt for scene, doubt in enumerate(self.doubt)]
+        return Objects.of([self._scene(i) for i in range(len(self.ways))], doubts, len(self.names))
 
     @property
     def names(self) -> list[str]:
@@ -94,15 +95,12 @@ class Seen:
                 found, doubt = _detect([image], self.empty)
                 parts.append([self._final(one) for one in found[0]])
                 doubts.append(doubt[0])
-        return self._packed(parts, doubts)
+        return Objects.of(parts, doubts, len(self.names))
 
     def _scene(self, scene: int) -> list[Object]:
         if scene in self.told:
             return [self._final(one, kind) for kind, one in self.told[scene]]
         return [self._final(one) for one in self.found[scene]]
-
-    def _doubt(self, scene: int) -> float:
-        return 0.0 if scene in self.told else self.doubt[scene]
 
     def _final(self, one: Object, kind: str = "") -> Object:
         """Return an object whose looks are the probabilities of the named kinds, if there are any."""
@@ -110,9 +108,6 @@ class Seen:
             return one
         said = np.array([name == kind for name in self.kinds.names], float)
         return one._replace(looks=said if said.any() else self.kinds.probability(one))
-
-    def _packed(self, scenes: list[list[Object]], doubt: list[float]) -> Objects:
-        return Objects.of(scenes, doubt, len(self.names))
 
 
 def look(
