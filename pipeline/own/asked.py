@@ -206,10 +206,10 @@ def sticker() -> UInt8[Array, "row column 4"]:
 def with_places(
     rng: np.random.Generator, folder: Folder, plan: pd.DataFrame, paths: Mapping[str, Path2]
 ) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return a plan with the place of each added item, without trials that find none, and each kind's share of near.
+    """Return a plan with a place for each added item, and for each kind the share of free places that are near.
 
-    Places are random free ones beside the path. Near ones are spread evenly over QUARTERS of NEAR_M where there is
-    room. A repeat has the place of its original.
+    Trials whose item finds no place are left out. Places are random free ones beside the path. Near ones are spread
+    evenly over QUARTERS of NEAR_M where there is room. A repeat has the place of its original.
     """
     cutouts = {**folder.cutouts, STICKER: [(sticker(), STICKER_M)]}
     capsules = {name: [kinds.footprint(*cutout) for cutout in several] for name, several in cutouts.items()}
@@ -297,11 +297,11 @@ def footprint(folder: Folder, row: Any) -> tuple[Float[Array, "2 2"], np.float64
 def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFrame]:
     """Return what people answered beside what their models say, for sittings about the folder as it is; {} for none.
 
-    asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in the same pairs, and
-    varied, whether the person gave both answers;
-    asked_compared: effect, low and high by kind, of `You` and `Your model`; asked_average, asked_distances and
-    asked_agreement: as `experiment` gives them; asked_repairs: the share accepted by role of the path; asked_real: the
-    share of composited items by kind that got the same answer as the real one. All by user.
+    All tables are by user. asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in
+    the same pairs, and varied, whether the person gave both answers. asked_compared: effect, low and high by kind, of
+    `You` and `Your model`. asked_average, asked_distances and asked_agreement: as `experiment` gives them.
+    asked_repairs: the share accepted by role of the path. asked_real: how often a composited item got the same answer
+    as the real one, by kind.
     """
     now, parts = digest(folder.path), dict[str, list[pd.DataFrame]]()
     for file, sitting in sittings(folder.path).items():

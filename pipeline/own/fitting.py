@@ -42,9 +42,9 @@ COMPARED_PATHS = 196  # demonstrations of other scenes, at most, on which models
 
 @dataclass(frozen=True)
 class UserData:
-    """A user's scenes with the same number of demonstrations each: where there are fewer, they repeat in turn.
+    """A user's scenes, each with the same number of demonstrations, so that each counts the same in a fit.
 
-    So each scene counts the same in a fit. `real` marks those that are no repetition: only they are scored.
+    Where a scene has fewer, they repeat in turn. `real` marks those that are no repetition: only they are scored.
     """
 
     user: str
@@ -147,8 +147,8 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
     """Return one row for each user, predictor and share of the training scenes.
 
     accuracy has a 95 % interval over scenes (ci_low, ci_high), at least as wide as the exact one over demonstrations:
-    scenes that are all right do not vary, and prove little if they are few; balanced: the mean of the shares of valid
-    and of invalid paths on the right side; missed: share of invalid paths that are accepted.
+    scenes that are all right do not vary, and prove little if they are few. balanced: the mean of two shares, of valid
+    paths that are accepted and of invalid ones that are rejected. missed: share of invalid paths that are accepted.
     """
     rows = []
     for (user, predictor, share), part in judged.groupby(["user", "predictor", "share"], sort=False):
@@ -192,9 +192,9 @@ def gain_from_seeing(judged: pd.DataFrame, scored: pd.DataFrame) -> pd.DataFrame
 def _gain(mean: Estimates, changed: pd.Series, words: tuple[str, str], down: bool = False) -> dict[str, Any]:
     """Return gain, ci_low, ci_high (95 % over scenes, paired) and state: a word above 0, one below FLAT, or `open`.
 
-    changed: whether a decision differs, by scene and others. If fewer than FEW_CHANGES do, the interval reaches as high
-    (`down`: and as low) as their share allows (Clopper and Pearson, 1934): scenes without any change prove little.
-    Fewer than MIN_PAIRS scenes exclude nothing.
+    changed: whether a decision differs, by scene and others. If fewer than FEW_CHANGES do, the interval is widened
+    upwards (`down`: and downwards) to what their share allows (Clopper and Pearson, 1934), as scenes without any change
+    prove little. Fewer than MIN_PAIRS scenes exclude nothing.
     """
     gain, low, high = (float(value[0]) for value in (mean.effect, mean.ci_low, mean.ci_high))
     if (count := int(changed.sum())) < FEW_CHANGES:

@@ -1,6 +1,6 @@
 """Find what stands on each table, and say how that is known: told, against the empty table, or by the picture alone.
 
-Kinds that a person named are learned from their items' looks, so that other items get the most alike kind.
+Where a person named kinds, every other item gets the kind whose items look most like it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -129,9 +129,10 @@ def look(
 def suggest(
     canvases: Mapping[str, UInt8[Array, "side side 3"]], told: Mapping[str, Sequence[Told]], scene: str
 ) -> list[tuple[str, Float[Array, "point 2"]]]:
-    """Return kind and outline of what the detector finds in a scene; kinds: the most alike of those named in `told`.
+    """Return the kind and the outline of each object that the detector finds in a scene.
 
-    Outlines are in shares of the table's longer side, and so are those told.
+    The kind is that of the items in `told` that look most like it. All outlines are in shares of the table's longer
+    side.
     """
     frame, names = Frame((1.0, 1.0)), list(canvases)
     images = np.stack([frame.image(canvases[name]) for name in names])
