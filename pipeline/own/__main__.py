@@ -12,24 +12,15 @@ import sys
 import time
 from pathlib import Path
 
-from pipeline.runtime.errors import InputError, reported
+from pipeline.runtime.errors import reported
 
-COMMANDS = {  # the module of each, and the extra that it needs
-    "record": ("recorder.serve", "own"),
-    "ask": ("recorder.asking", "own"),
-    "import": ("importing.run", "import"),
-}
+COMMANDS = {"record": "recorder.serve", "ask": "recorder.asking", "import": "importing.run"}
 
 
 def main(arguments: list[str]) -> int:
     """Run one command; return 0, 1 if the folder has faults, 2 for a wrong command."""
     if arguments and arguments[0] in COMMANDS:
-        module, extra = COMMANDS[arguments[0]]
-        try:
-            return importlib.import_module(f"pipeline.own.{module}").main(arguments[1:])
-        except ModuleNotFoundError as error:
-            need = f"{arguments[0]} needs {error.name}: pip install 'causal-specifications[{extra}]'"
-            raise InputError(need) from error
+        return importlib.import_module(f"pipeline.own.{COMMANDS[arguments[0]]}").main(arguments[1:])
     if {"-h", "--help"} & set(arguments) or not arguments:
         print(__doc__)
         return 0 if arguments else 2
@@ -79,6 +70,9 @@ if __name__ == "__main__":
     try:
         with reported(OSError):
             sys.exit(main(sys.argv[1:]))
+    except ModuleNotFoundError as error:
+        extra = "import" if "import" in sys.argv[1:2] else "own"
+        sys.exit(f"error: this needs {error.name}: pip install 'causal-specifications[{extra}]'")
     except KeyboardInterrupt:
         print("interrupted: nothing was written", file=sys.stderr)
         sys.exit(130)

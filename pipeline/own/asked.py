@@ -29,6 +29,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import bezier
+from pipeline.world.layout import segment_distance
 from pipeline.world.rules import line_clearance
 
 ASKED, ANSWERS = "asked", ["trial", "valid", "response_ms"]  # folder; columns of a sitting's csv
@@ -39,10 +40,8 @@ STICKER_M, STICKER_PX, STICKER_RGBA = 0.07, 96, (236, 214, 96, 255)  # a flat ro
 QUARTERS = 4  # of NEAR_M over which near places are spread evenly
 MOST_PLACES = 200  # free places that are tried for one trial
 REPAIRS = 6  # invalid demonstrations whose repair, detour and original are judged
-DETOURS, WIDE_M = (
-    256,
-    0.3,
-)  # random paths of which the detour keeps farthest from everything; how far they bend, as kinds.SPREAD_M
+DETOURS = 256  # random paths of which the detour keeps farthest from everything
+WIDE_M = 0.3  # how far they bend, as kinds.SPREAD_M
 REPAIR, ORIGINAL, DETOUR, VALID = "repair", "unrepaired", "detour", "valid"
 QUESTIONS = [
     "Local effect: does an item whose edge is within 4 cm of a path that the person accepts change the answer?",
@@ -95,12 +94,8 @@ def real_trials(sitting: Sitting) -> pd.DataFrame:
 
 def digest(path: Path) -> str:
     """Return a digest of what trials are made of: pictures, corners and cut-outs."""
-    used = [
-        path / SETTINGS,
-        path / CUTOUTS,
-        *sorted((path / SCENES).glob("[!.]*")),
-        *sorted(path.glob(f"{KINDS}/*/*")),
-    ]
+    pictures = *sorted((path / SCENES).glob("[!.]*")), *sorted(path.glob(f"{KINDS}/*/*"))
+    used = path / SETTINGS, path / CUTOUTS, *pictures
     parts = [f"{file.relative_to(path)}".encode() + file.read_bytes() for file in used if file.is_file()]
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
@@ -211,10 +206,10 @@ def sticker() -> UInt8[Array, "row column 4"]:
 def with_places(
     rng: np.random.Generator, folder: Folder, plan: pd.DataFrame, paths: Mapping[str, Path2]
 ) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return a plan with the place of each added item, without trials that find none, and each kind's share of near.
+    """Return a plan with a place for each added item, and for each kind the share of free places that are near.
 
-    Places are random free ones beside the path. Near ones are spread evenly over QUARTERS of NEAR_M where there is
-    room. A repeat has the place of its original.
+    Trials whose item finds no place are left out. Places are random free ones beside the path. Near ones are spread
+    evenly over QUARTERS of NEAR_M where there is room. A repeat has the place of its original.
     """
     cutouts = {**folder.cutouts, STICKER: [(sticker(), STICKER_M)]}
     capsules = {name: [kinds.footprint(*cutout) for cutout in several] for name, several in cutouts.items()}
@@ -227,19 +222,15 @@ def with_places(
             continue
         which = row.pair % len(capsules[row.condition])
         capsule, line = capsules[row.condition][which], folder.frame.to_model(paths[row.path])
+        pieces, free = np.stack([line[:-1], line[1:]], axis=1), path_ends[folder.scenes[row.scene]]
         quarter = (row.pair + sorted(capsules).index(row.condition)) % QUARTERS
         best: tuple = ()
         for _ in range(MOST_PLACES):
-            place = kinds.free_place(
-                rng, folder.frame, objects, row.scene, capsule, path_ends[folder.scenes[row.scene]]
-            )
+            place = kinds.free_place(rng, folder.frame, objects, row.scene, capsule, free)
             if place is None:
                 break
             ends = kinds.ends_of(folder.frame, capsule, *place)
-            item = kinds.capsules(
-                ends[None, None], np.array([[folder.frame.scale * capsule.radius]]), np.ones((1, 1), bool)
-            )
-            clearance = float(line_clearance(item, line[None, None])[0, 0, 0]) / folder.frame.scale
+            clearance = float(segment_distance(pieces, ends).min()) / folder.frame.scale - capsule.radius
             if clearance < 0:
                 continue
             near = clearance <= NEAR_M
@@ -255,9 +246,8 @@ def with_places(
     number = kept.cumsum() - 1
     plan["repeats"] = [int(number[r]) if r >= 0 else -1 for r in plan["repeats"]]
     plan = plan[kept].reset_index(drop=True).astype({"cutout": int})
-    return plan, {
-        n: float(near / total) for n, (near, total) in counts.items() if total and n in set(plan["condition"])
-    }
+    shown = set(plan["condition"])
+    return plan, {n: float(near / total) for n, (near, total) in counts.items() if total and n in shown}
 
 
 def picture(folder: Folder, row: Any) -> UInt8[Array, "side side 3"]:
@@ -307,11 +297,11 @@ def footprint(folder: Folder, row: Any) -> tuple[Float[Array, "2 2"], np.float64
 def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFrame]:
     """Return what people answered beside what their models say, for sittings about the folder as it is; {} for none.
 
-    asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in the same pairs, and
-    varied, whether the person gave both answers;
-    asked_compared: effect, low and high by kind, of `You` and `Your model`; asked_average, asked_distances and
-    asked_agreement: as `experiment` gives them; asked_repairs: the share accepted by role of the path; asked_real: the
-    share of composited items by kind that got the same answer as the real one. All by user.
+    All tables are by user. asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in
+    the same pairs, and varied, whether the person gave both answers. asked_compared: effect, low and high by kind, of
+    `You` and `Your model`. asked_average, asked_distances and asked_agreement: as `experiment` gives them.
+    asked_repairs: the share accepted by role of the path. asked_real: how often a composited item got the same answer
+    as the real one, by kind.
     """
     now, parts = digest(folder.path), dict[str, list[pd.DataFrame]]()
     for file, sitting in sittings(folder.path).items():

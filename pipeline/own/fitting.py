@@ -8,6 +8,7 @@ import json
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,8 +23,9 @@ from pipeline.models.clearance.clearance import PATH_SAMPLES
 from pipeline.own.folder import Folder
 from pipeline.perception.objects import Objects
 from pipeline.runtime.streams import job_seed, stream
-from pipeline.stats.crossed import estimate, ratio
+from pipeline.stats.crossed import Estimates, estimate, ratio
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
+from pipeline.stats.tests import MIN_PAIRS
 from pipeline.world.bezier import bezier
 
 VARIANT = "clearance"
@@ -34,16 +36,15 @@ PRIOR_WIDTH_M = 0.055  # standard deviation of the kernel that smooths labels ov
 BINS = 5  # of the calibration; twenty scenes have some 150 demonstrations
 FLAT = 0.05  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
 FEW_CHANGES = 20  # changed decisions below which the interval follows from their number, as in library.effect
-INTERVAL_SCENES = 6  # of a mean difference, at least: five pairs can at best give p = 1/16
 REPAIRED_POINTS = 65  # of a repaired path
 COMPARED_PATHS = 196  # demonstrations of other scenes, at most, on which models are compared in each scene
 
 
 @dataclass(frozen=True)
 class UserData:
-    """A user's scenes with the same number of demonstrations each: where there are fewer, they repeat in turn.
+    """A user's scenes, each with the same number of demonstrations, so that each counts the same in a fit.
 
-    So each scene counts the same in a fit. `real` marks those that are no repetition: only they are scored.
+    Where a scene has fewer, they repeat in turn. `real` marks those that are no repetition: only they are scored.
     """
 
     user: str
@@ -146,8 +147,8 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
     """Return one row for each user, predictor and share of the training scenes.
 
     accuracy has a 95 % interval over scenes (ci_low, ci_high), at least as wide as the exact one over demonstrations:
-    scenes that are all right do not vary, and prove little if they are few; balanced: the mean of the shares of valid
-    and of invalid paths on the right side; missed: share of invalid paths that are accepted.
+    scenes that are all right do not vary, and prove little if they are few. balanced: the mean of two shares, of valid
+    paths that are accepted and of invalid ones that are rejected. missed: share of invalid paths that are accepted.
     """
     rows = []
     for (user, predictor, share), part in judged.groupby(["user", "predictor", "share"], sort=False):
@@ -170,9 +171,8 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
 def gain_from_seeing(judged: pd.DataFrame, scored: pd.DataFrame) -> pd.DataFrame:
     """Return for each user what the picture adds to balanced accuracy, over the better image-blind baseline.
 
-    gain, ci_low, ci_high (95 % over scenes, paired); blind: that baseline; state: `helps` (the interval lies above 0),
-    `nothing` (it lies below FLAT) or `open`. If fewer than FEW_CHANGES decisions differ, the interval reaches as high
-    as their share allows, as in `enough`; fewer than INTERVAL_SCENES scenes exclude nothing.
+    Columns of `_gain`, and blind: that baseline; state: `helps` (the interval lies above 0), `nothing` (it lies below
+    FLAT) or `open`.
     """
     rows = []
     for user, part in judged[judged["share"] == 1].groupby("user", sort=False):
@@ -184,14 +184,25 @@ def gain_from_seeing(judged: pd.DataFrame, scored: pd.DataFrame) -> pd.DataFrame
         weight = np.where(valid, 0.5 / valid.mean(), 0.5 / (1 - valid.mean()))
         by_scene = pd.DataFrame({"gain": weight * (table[VARIANT] - table[blind]), "weight": weight}, table.index)
         sums = by_scene.groupby("scene").sum().to_numpy().T
-        result = ratio(sums[:1, None], sums[1:, None])
-        gain, low, high = (float(v[0]) for v in (result.effect, result.ci_low, result.ci_high))
-        if (changed := int((table[VARIANT] != table[blind]).sum())) < FEW_CHANGES:
-            high = max(high, float(beta.ppf(0.975, changed + 1, len(table) - changed)))
-        low, high = (low, high) if sums.shape[1] >= INTERVAL_SCENES else (-1.0, 1.0)
-        state = "helps" if low > 0 else "nothing" if high < FLAT else "open"
-        rows.append({"user": user, "blind": blind, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
+        row = _gain(ratio(sums[:1, None], sums[1:, None]), table[VARIANT] != table[blind], ("helps", "nothing"))
+        rows.append({"user": user, "blind": blind} | row)
     return pd.DataFrame(rows)
+
+
+def _gain(mean: Estimates, changed: pd.Series, words: tuple[str, str], down: bool = False) -> dict[str, Any]:
+    """Return gain, ci_low, ci_high (95 % over scenes, paired) and state: a word above 0, one below FLAT, or `open`.
+
+    changed: whether a decision differs, by scene and others. If fewer than FEW_CHANGES do, the interval is widened
+    upwards (`down`: and downwards) to what their share allows (Clopper and Pearson, 1934), as scenes without any change
+    prove little. Fewer than MIN_PAIRS scenes exclude nothing.
+    """
+    gain, low, high = (float(value[0]) for value in (mean.effect, mean.ci_low, mean.ci_high))
+    if (count := int(changed.sum())) < FEW_CHANGES:
+        share = float(beta.ppf(0.975, count + 1, len(changed) - count))
+        low, high = min(low, -share) if down else low, max(high, share)
+    low, high = (low, high) if changed.index.get_level_values("scene").nunique() >= MIN_PAIRS else (-1.0, 1.0)
+    state = words[0] if low > 0 else words[1] if high < FLAT else "open"
+    return {"gain": gain, "ci_low": low, "ci_high": high, "state": state}
 
 
 def calibration(judged: pd.DataFrame) -> pd.DataFrame:
@@ -212,24 +223,15 @@ def calibration(judged: pd.DataFrame) -> pd.DataFrame:
 def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
     """Return for each user the gain of accuracy from half of the training scenes to all, paired by scene.
 
-    gain, ci_low, ci_high (95 % over scenes); state: `rising` (the interval lies above 0), `flat` (it lies below FLAT)
-    or `open`. If fewer than FEW_CHANGES decisions differ, the interval is at least as wide as their share allows
-    (Clopper and Pearson, 1934): scenes without any change prove little, and fewer than INTERVAL_SCENES exclude nothing.
+    Columns of `_gain`; state: `rising` (the interval lies above 0), `flat` (it lies below FLAT) or `open`.
     """
     rows = []
     for user, part in judged[judged["predictor"] == predictor].groupby("user", sort=False):
         right = part.assign(right=(part["p"] > DECISION) == part["valid"])
         by_demo = right.set_index(["scene", "demo", "share"])["right"].unstack().astype(float)
         gains = by_demo[1.0] - by_demo[0.5]
-        result = estimate(gains.groupby("scene").mean().to_numpy()[None, None])
-        gain, low, high = (float(v[0]) for v in (result.effect, result.ci_low, result.ci_high))
-        changed = int((gains != 0).sum())
-        if changed < FEW_CHANGES:
-            share = float(beta.ppf(0.975, changed + 1, len(gains) - changed))
-            low, high = min(low, -share), max(high, share)
-        low, high = (low, high) if len(gains.groupby("scene")) >= INTERVAL_SCENES else (-1.0, 1.0)
-        state = "rising" if low > 0 else "flat" if high < FLAT else "open"
-        rows.append({"user": user, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
+        mean = estimate(gains.groupby("scene").mean().to_numpy()[None, None])
+        rows.append({"user": user} | _gain(mean, gains != 0, ("rising", "flat"), down=True))
     return pd.DataFrame(rows)
 
 

@@ -129,7 +129,7 @@ class Asking:
     def shown(self, user: str) -> dict[str, Any]:
         """Return what the page shows: the next trial, or none once the minutes are over or all is asked.
 
-        Nothing of `Asking` in it tells the condition: points [px] of the path, and the address of a picture.
+        `Asking` sends points [px] of the path and the address of a picture, which do not tell the condition.
         """
         sitting, (row, left) = self.kept[user], self.next(user)
         told = {"trial": row, "answered": len(sitting.answers), "left_s": round(left), "apart": self.apart}

@@ -1,6 +1,5 @@
 """Logs of every kind that is read become the same folder of a person's own table."""
 
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -238,11 +237,3 @@ def test_a_folder_that_holds_anything_is_left_as_it_is(tmp_path: Path):
     with pytest.raises(InputError, match="move the rest away"):
         imported(log)
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-
-
-def test_a_missing_extra_is_named_with_the_command_that_installs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    log = bags.write(tmp_path / "bag", [(0, "/hand", bags.posed(0, 0, 0))])
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    monkeypatch.delitem(sys.modules, "pipeline.own.importing.bags", raising=False)
-    with pytest.raises(InputError, match=r"pip install 'causal-specifications\[import\]'"):
-        imported(log)
