@@ -231,7 +231,7 @@ def outlook(folder: Folder, quoted: str, minutes: float) -> list[str]:
     if unasked := sorted(named - set(folder.cutouts)):
         lines.append(f"Without a cut-out in {KINDS}/ these kinds are not asked about: {', '.join(unasked)}")
     if count:
-        pairs = pairs_within(judgements, count)
+        pairs = pairs_within(int(judgements), count)
         ruled_out = f"they rule out effects on more than {smallest_settled(pairs):.0%} of answers, of {count} kinds"
         told = f"where no answer changes, {ruled_out}" if pairs else "too few for a verdict"
         lines.append(f"{minutes:g} minutes are some {judgements:.0f} judgements: {told}")
