@@ -30,6 +30,7 @@ def main(arguments: list[str]) -> int:
         return 2
 
     # torch and the models take seconds to import: the commands above need none
+    from pipeline.own.asked import given
     from pipeline.own.figures import draw_scenes
     from pipeline.own.folder import SHEET, read_folder
     from pipeline.own.report import check_replaceable, write_report
@@ -52,6 +53,8 @@ def main(arguments: list[str]) -> int:
     print(f"{path}: {counts}; no fault")
     for line in folder.advice:
         print(line)
+    if (answers := given(folder)).apart:
+        print(f"{answers.apart} sittings of `ask` are kept apart: pictures, cut-outs or users have changed since")
     sheet = draw_scenes(folder, len(folder.scenes))
     atomic_write(path / SHEET, lambda part: sheet.savefig(part, format="png"))
     if verb == "check":
@@ -61,7 +64,7 @@ def main(arguments: list[str]) -> int:
     def progress(step: str) -> None:
         print(f"{time.monotonic() - begin:4.0f} s  {step}", flush=True)
 
-    write_report(compute(folder, progress), out)
+    write_report(compute(folder, answers, progress), out)
     progress(f"wrote {out / 'index.html'}")
     return 0
 

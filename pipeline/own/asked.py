@@ -6,10 +6,10 @@ stopping and every trial in its order; NUMBER.csv a row for each answer.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -72,13 +72,19 @@ class Sitting:
             content = json.loads(path.read_text(encoding="utf-8"))
             table = pd.read_csv(rows) if rows.is_file() else pd.DataFrame(columns=ANSWERS)
             plan = pd.DataFrame(content["trials"])
+            for word in table["valid"]:
+                if str(word).lower() not in WORDS:
+                    raise ValueError(f"valid is {word!r}: expected True or False")
             valid = [WORDS[str(word).lower()] for word in table["valid"]]
             answers = dict(zip(table["trial"].astype(int).tolist(), valid, strict=True))
+            if len(answers) < len(table) or not answers.keys() <= set(plan.index):
+                raise ValueError("a trial has two answers, or is not of this sitting")
             times = table["response_ms"].astype(float).tolist()
             user, state = content["user"], content["digest"]
             return cls(user, state, plan, content["paths"], content["share_near"], answers, times)
         except (ValueError, KeyError, TypeError, OSError) as error:
-            raise InputError(f"{path.name} in {ASKED}/ cannot be read ({error!r}): move it away") from error
+            what = f"{path.name} or {rows.name} in {ASKED}/ cannot be read ({error!r})"
+            raise InputError(f"{what}: restore them, or move both away") from error
 
     def trials(self) -> pd.DataFrame:
         """Return the answered rows of the plan."""
@@ -93,9 +99,9 @@ def real_trials(sitting: Sitting) -> pd.DataFrame:
 
 
 def digest(path: Path) -> str:
-    """Return a digest of what trials are made of: pictures, corners and cut-outs."""
-    pictures = *sorted((path / SCENES).glob("[!.]*")), *sorted(path.glob(f"{KINDS}/*/*"))
-    used = path / SETTINGS, path / CUTOUTS, *pictures
+    """Return a digest of what trials are made of: pictures, corners and cut-outs, no file that a system adds."""
+    cutouts = [file for kind in sorted(path.glob(f"{KINDS}/[!.]*/")) for file in files.listed(kind, ".png")]
+    used = [path / SETTINGS, path / CUTOUTS, *files.listed(path / SCENES, *files.ENDINGS), *cutouts]
     parts = [f"{file.relative_to(path)}".encode() + file.read_bytes() for file in used if file.is_file()]
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
@@ -294,8 +300,27 @@ def footprint(folder: Folder, row: Any) -> tuple[Float[Array, "2 2"], np.float64
     return ends, np.float64(folder.frame.scale * capsule.radius)
 
 
-def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFrame]:
-    """Return what people answered beside what their models say, for sittings about the folder as it is; {} for none.
+class Given(NamedTuple):
+    """Hold the sittings with answers about the folder as it is, each with the answers about real items."""
+
+    kept: list[tuple[Sitting, dict[int, bool]]]
+    apart: int  # others with answers: pictures or cut-outs have changed since, or the user has no demonstration now
+
+
+def given(folder: Folder) -> Given:
+    """Return what people answered; raise InputError for files that cannot be read."""
+    judged = {file: sitting for file, sitting in sittings(folder.path).items() if sitting.answers}
+    now, kept = digest(folder.path), list[tuple[Sitting, dict[int, bool]]]()
+    for file, sitting in judged.items():
+        if sitting.digest == now and sitting.user in folder.users:
+            kept.append((sitting, Sitting.read(file, file.with_name(f"{file.stem}{REAL}.csv")).answers))
+    return Given(kept, len(judged) - len(kept))
+
+
+def tables(
+    folder: Folder, fitted: Mapping[str, Fitted], answers: Sequence[tuple[Sitting, dict[int, bool]]]
+) -> dict[str, pd.DataFrame]:
+    """Return what people answered (`given`) beside what their models say; {} for nothing.
 
     All tables are by user. asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in
     the same pairs, and varied, whether the person gave both answers. asked_compared: effect, low and high by kind, of
@@ -303,10 +328,8 @@ def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFra
     asked_repairs: the share accepted by role of the path. asked_real: how often a composited item got the same answer
     as the real one, by kind.
     """
-    now, parts = digest(folder.path), dict[str, list[pd.DataFrame]]()
-    for file, sitting in sittings(folder.path).items():
-        if sitting.digest != now or not sitting.answers or sitting.user not in fitted:
-            continue
+    parts = dict[str, list[pd.DataFrame]]()
+    for sitting, second in answers:
         trials = sitting.trials()
         p = model_answers(folder, fitted[sitting.user], sitting, trials)
         effects = experiment.local_verdicts(sitting.plan, sitting.answers)
@@ -320,6 +343,7 @@ def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFra
         ]
         roles = trials.assign(role=[sitting.paths[name]["role"] for name in trials["path"]])
         roles = roles[(roles["repeats"] < 0) & roles["condition"].isin([UNCHANGED, EXTRA])]
+        roles = roles.sort_values("role", key=lambda names: names.map([VALID, ORIGINAL, REPAIR, DETOUR].index))
         made = {
             "effects": effects,
             "compared": pd.concat(compared).dropna(),
@@ -328,7 +352,6 @@ def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFra
             "agreement": experiment.agreement(trials, p > DECISION),
             "repairs": experiment.accepted_shares(roles, ["role"]),
         }
-        second = Sitting.read(file, file.with_name(f"{file.stem}{REAL}.csv")).answers
         composited = real_trials(sitting)
         again = composited[composited.index.isin(list(second))]
         if len(again):

@@ -4,12 +4,15 @@ Names that people chose stand in captions, which every browser can write. In a f
 the letters.
 """
 
+import itertools
+
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy import ndarray as Array
 
+from pipeline.causal.experiment import DISTANCES_M
 from pipeline.own.folder import Folder
 from pipeline.own.frame import outline
 from pipeline.own.results import Results
@@ -41,6 +44,16 @@ def first_repairs(results: Results) -> pd.DataFrame:
 def next_scenes(results: Results) -> pd.DataFrame:
     """Return the scenes about which each user's models disagree most."""
     return results.tables["disagreement"].groupby("user", sort=False).head(LISTED_SCENES)
+
+
+def distances(results: Results) -> pd.DataFrame:
+    """Return what share of paths each user accepts by kind and clearance of an item; clearance: in words."""
+    ends = dict(itertools.pairwise(DISTANCES_M))
+    table = results.tables["asked_distances"].sort_values(["user", "from_m", "kind"])
+    words = [
+        f"{100 * m:.0f} to {100 * ends[m]:.0f} cm" if m in ends else f"from {100 * m:.0f} cm" for m in table["from_m"]
+    ]
+    return table.assign(clearance=words)
 
 
 def _draw_numbered(panel: Axes, number: int, image: Array, outlines: list[Array]) -> None:
