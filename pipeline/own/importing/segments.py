@@ -73,7 +73,7 @@ def check_times(recording: Recording) -> None:
             f"{i + 2}: expected times that increase; cut the log there"
         )
     if len(recording.t) > 1 and np.median(np.diff(recording.t)) == 0:
-        raise InputError(f"{recording.name}: most samples have the time of the one before: choose another by --columns")
+        raise InputError(f"{recording.name}: most samples have the time of the one before: choose other times")
 
 
 def guess_unit(recordings: Sequence[Recording]) -> str:

@@ -82,6 +82,13 @@ def test_poses_of_a_bag_become_demonstrations_cut_by_stops(tmp_path: Path, kind:
     assert set(demos["valid"]) == {""} and set(demos["user"]) == {"me"}
 
 
+def test_a_bag_in_millimetres_is_told_by_the_size_of_its_paths(tmp_path: Path):
+    entries = [(t, "/odom", bags.odometry(t, 1000 * x, 1000 * y)) for t, x, y in hand()]
+    demos, folder = imported(bags.write(tmp_path / "bag", entries))
+    assert_is_hand(demos)
+    assert yaml.safe_load((folder / "table.yaml").read_text())["import"]["unit"] == "mm"
+
+
 def test_poses_follow_a_chain_of_transforms_that_moves(tmp_path: Path):
     """The table's corner lies at (1, 2) of the map, turned by 90 degrees; the robot, which sees the hand, drives."""
     entries: list[bags.Entry] = [(0, "/tf_static", bags.tf(0, "map", "table", 1.0, 2.0, np.pi / 2))]
