@@ -37,10 +37,8 @@ def main() -> int:
         try:
             runpy.run_module(MODULES[verb], run_name="__main__", alter_sys=True)
         except ModuleNotFoundError as error:
-            extra = verb if verb == "import" else "own" if verb in OWN else "pipeline"
-            need = f"{error.name}: pip install 'causal-specifications[{extra}]'"
-            print(f"error: specs {verb} needs {need}", file=sys.stderr)
-            return 1
+            need = f"{error.name}: pip install 'causal-specifications[pipeline]'"
+            sys.exit(f"error: specs {verb} needs {need}")
         return 0
     if verb == "--version":
         print(__version__)

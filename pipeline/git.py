@@ -42,9 +42,9 @@ def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
 def run(
     command: Sequence[str], folder: Path, env: Mapping[str, str] | None = None, **options: Any
 ) -> subprocess.CompletedProcess[str]:
-    """Return a command that has ended in `folder`, the root of a repository, with these variables changed.
+    """Run a command in `folder`, the root of a repository, with these variables changed; return it when it has ended.
 
-    Git does not look for a repository above it, as that of a folder in which a download was unpacked. `options`: of
+    Git does not search the folders above: a download may be unpacked in another repository. `options`: of
     subprocess.run.
     """
     changed = {"GIT_CEILING_DIRECTORIES": str(folder.absolute().parent)} | dict(env or {})

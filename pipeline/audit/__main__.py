@@ -16,7 +16,7 @@ import sys
 
 from pipeline.audit.consistency import audit
 from pipeline.audit.difference import Commit, Difference, compare
-from pipeline.audit.rerun import Output, outputs, run
+from pipeline.audit.rerun import outputs, run
 from pipeline.audit.revision import checked_out, resolve
 from pipeline.audit.text import headlines_ran, of_audit, of_difference, of_rerun
 from pipeline.git import forget_repository, git
@@ -62,16 +62,16 @@ def _rerun(before: str, after: str, stages: list[str], profile: str | None) -> t
     """
     with checked_out(before) as first, checked_out(after) as second:
         known = run(first, stages, profile) if profile else outputs(first)
-        ran = [Output(*key, known.get(key) == md5) for key, md5 in run(second, stages, profile).items()]
+        same = {output: known.get(output) == md5 for output, md5 in run(second, stages, profile).items()}
         git(second, "fetch", "--quiet", str(first), "HEAD")
         difference = compare(Commit("FETCH_HEAD", second), Commit("HEAD", second))
     runs, wrong = f"{before} and {after}", _is_worse(difference)
     if before == after:
         runs = f"{before}, run {'twice' if profile else 'again'}"
-        only_bytes = profile or not headlines_ran(ran)
-        wrong = not all(output.identical for output in ran) if only_bytes else wrong
+        only_bytes = profile or not headlines_ran(same)
+        wrong = not all(same.values()) if only_bytes else wrong
     title = f"{runs} at profile {profile}" if profile else runs
-    return of_rerun(title, ran, difference), wrong
+    return of_rerun(title, same, difference), wrong
 
 
 def _is_worse(d: Difference) -> bool:

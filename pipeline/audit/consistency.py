@@ -113,8 +113,8 @@ def _changes(clone: Path, status: dict[str, list], kind: str) -> list[Fault]:
 def provenance(clone: Path, locks: dict[str, dict]) -> Checked:
     """Check that the files which a page's tables were made of are those that the locks name.
 
-    Of an output that is a folder, a lock names only the list of its files, which lies in DVC's cache; where the cache
-    lacks it, the folder's files are unchecked.
+    For a folder, a lock names only the list of its files, which lies in DVC's cache. Where the list is lacking, the
+    folder's files are unchecked.
     """
     made, unlisted = {}, set()
     cache = Path(dvc(ROOT, "cache", "dir").strip())

@@ -16,14 +16,13 @@ from pipeline.git import git
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import PROCESSORS, ROOT
 from pipeline.runtime.reading import parse_csv
-from pipeline.stats.tests import LEVEL, holm
+from pipeline.stats.tests import LEVEL, MIN_PAIRS, holm
 
 LOCKS = "requirements.lock"
 DATA = re.compile(r"md5: (\S+)")
 METRICS = "reports/metrics.json"
 CLAIM = "claims."
 SEEDS = "reports/tables/seeds.csv"  # headline, seed, value
-MIN_PAIRS = 6  # below, a mean difference has no interval: five pairs can at best give p = 1/16
 DECIMALS = 12  # to which differences are rounded
 SAME = 0.01  # two commits are the same within one per cent: a tenth of the least difference that pages comment on
 

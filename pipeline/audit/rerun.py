@@ -3,7 +3,6 @@
 import os
 import shutil
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
@@ -17,15 +16,6 @@ PINNED = "requirements.lock"
 RECORDINGS = "reports/recordings"  # other bytes in each run; recordings.csv has digests of their content
 
 Hashes = dict[tuple[str, str], str]  # stage, path -> md5
-
-
-@dataclass(frozen=True)
-class Output:
-    """One output of a stage that was run again."""
-
-    stage: str
-    path: str
-    identical: bool  # the same bytes as in the run that it is compared with
 
 
 def run(clone: Path, stages: list[str], profile: str | None = None) -> Hashes:

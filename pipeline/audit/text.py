@@ -7,7 +7,6 @@ import pandas as pd
 
 from pipeline.audit.consistency import Checked, Fault
 from pipeline.audit.difference import METRICS, Difference, untested
-from pipeline.audit.rerun import Output
 
 WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
 PAIRED = ("word", "headline", "before", "after", "difference (95 % interval)", "p (Holm)", "seeds")
@@ -33,18 +32,21 @@ def _faults(faults: Sequence[Fault]) -> str:
     return items(f"{message}{counts[message]}: {', '.join(names)}" for message, names in places.items())
 
 
-def of_rerun(title: str, outputs: Sequence[Output], d: Difference) -> str:
-    """Return what running a commit again gave: how many outputs have the same bytes, and what that did to results."""
-    other = [(output.stage, output.path) for output in outputs if not output.identical]
-    same = headlines_ran(outputs) and not d.claims and len(d.by_seed) and (d.by_seed["word"] == "same").all()
+def of_rerun(title: str, identical: Mapping[tuple[str, str], bool], d: Difference) -> str:
+    """Return what running a commit again gave: how many outputs have the same bytes, and what that did to results.
+
+    identical: by stage and path, whether an output has the same bytes as in the run that it is compared with.
+    """
+    other = [output for output, same in identical.items() if not same]
+    same = headlines_ran(identical) and not d.claims and len(d.by_seed) and (d.by_seed["word"] == "same").all()
     word = ("equal" if same else "changed") if other else "identical"
-    count = f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes."
+    count = f"{len(identical) - len(other)} of {len(identical)} outputs have the same bytes."
     return _page(f"{title}: {word}", count, {"Other outputs": table(["stage", "output"], other)} | _differences(d))
 
 
-def headlines_ran(outputs: Sequence[Output]) -> bool:
+def headlines_ran(outputs: Iterable[tuple[str, str]]) -> bool:
     """Return whether the stages that ran again wrote the headlines; if not, only bytes can be compared."""
-    return any(output.path == METRICS for output in outputs)
+    return any(path == METRICS for _, path in outputs)
 
 
 def of_difference(before: str, after: str, d: Difference) -> str:

@@ -12,24 +12,15 @@ import sys
 import time
 from pathlib import Path
 
-from pipeline.runtime.errors import InputError, reported
+from pipeline.runtime.errors import reported
 
-COMMANDS = {  # the module of each, and the extra that it needs
-    "record": ("recorder.serve", "own"),
-    "ask": ("recorder.asking", "own"),
-    "import": ("importing.run", "import"),
-}
+COMMANDS = {"record": "recorder.serve", "ask": "recorder.asking", "import": "importing.run"}
 
 
 def main(arguments: list[str]) -> int:
     """Run one command; return 0, 1 if the folder has faults, 2 for a wrong command."""
     if arguments and arguments[0] in COMMANDS:
-        module, extra = COMMANDS[arguments[0]]
-        try:
-            return importlib.import_module(f"pipeline.own.{module}").main(arguments[1:])
-        except ModuleNotFoundError as error:
-            need = f"{arguments[0]} needs {error.name}: pip install 'causal-specifications[{extra}]'"
-            raise InputError(need) from error
+        return importlib.import_module(f"pipeline.own.{COMMANDS[arguments[0]]}").main(arguments[1:])
     if {"-h", "--help"} & set(arguments) or not arguments:
         print(__doc__)
         return 0 if arguments else 2
@@ -39,6 +30,7 @@ def main(arguments: list[str]) -> int:
         return 2
 
     # torch and the models take seconds to import: the commands above need none
+    from pipeline.own.asked import given
     from pipeline.own.figures import draw_scenes
     from pipeline.own.folder import SHEET, read_folder
     from pipeline.own.report import check_replaceable, write_report
@@ -61,6 +53,8 @@ def main(arguments: list[str]) -> int:
     print(f"{path}: {counts}; no fault")
     for line in folder.advice:
         print(line)
+    if (answers := given(folder)).apart:
+        print(f"{answers.apart} sittings of `ask` are kept apart: pictures, cut-outs or users have changed since")
     sheet = draw_scenes(folder, len(folder.scenes))
     atomic_write(path / SHEET, lambda part: sheet.savefig(part, format="png"))
     if verb == "check":
@@ -70,7 +64,7 @@ def main(arguments: list[str]) -> int:
     def progress(step: str) -> None:
         print(f"{time.monotonic() - begin:4.0f} s  {step}", flush=True)
 
-    write_report(compute(folder, progress), out)
+    write_report(compute(folder, answers, progress), out)
     progress(f"wrote {out / 'index.html'}")
     return 0
 
@@ -79,6 +73,9 @@ if __name__ == "__main__":
     try:
         with reported(OSError):
             sys.exit(main(sys.argv[1:]))
+    except ModuleNotFoundError as error:
+        extra = "import" if "import" in sys.argv[1:2] else "own"
+        sys.exit(f"error: this needs {error.name}: pip install 'causal-specifications[{extra}]'")
     except KeyboardInterrupt:
         print("interrupted: nothing was written", file=sys.stderr)
         sys.exit(130)

@@ -6,10 +6,10 @@ stopping and every trial in its order; NUMBER.csv a row for each answer.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -29,6 +29,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import bezier
+from pipeline.world.layout import segment_distance
 from pipeline.world.rules import line_clearance
 
 ASKED, ANSWERS = "asked", ["trial", "valid", "response_ms"]  # folder; columns of a sitting's csv
@@ -39,10 +40,8 @@ STICKER_M, STICKER_PX, STICKER_RGBA = 0.07, 96, (236, 214, 96, 255)  # a flat ro
 QUARTERS = 4  # of NEAR_M over which near places are spread evenly
 MOST_PLACES = 200  # free places that are tried for one trial
 REPAIRS = 6  # invalid demonstrations whose repair, detour and original are judged
-DETOURS, WIDE_M = (
-    256,
-    0.3,
-)  # random paths of which the detour keeps farthest from everything; how far they bend, as kinds.SPREAD_M
+DETOURS = 256  # random paths of which the detour keeps farthest from everything
+WIDE_M = 0.3  # how far they bend, as kinds.SPREAD_M
 REPAIR, ORIGINAL, DETOUR, VALID = "repair", "unrepaired", "detour", "valid"
 QUESTIONS = [
     "Local effect: does an item whose edge is within 4 cm of a path that the person accepts change the answer?",
@@ -73,13 +72,19 @@ class Sitting:
             content = json.loads(path.read_text(encoding="utf-8"))
             table = pd.read_csv(rows) if rows.is_file() else pd.DataFrame(columns=ANSWERS)
             plan = pd.DataFrame(content["trials"])
+            for word in table["valid"]:
+                if str(word).lower() not in WORDS:
+                    raise ValueError(f"valid is {word!r}: expected True or False")
             valid = [WORDS[str(word).lower()] for word in table["valid"]]
             answers = dict(zip(table["trial"].astype(int).tolist(), valid, strict=True))
+            if len(answers) < len(table) or not answers.keys() <= set(plan.index):
+                raise ValueError("a trial has two answers, or is not of this sitting")
             times = table["response_ms"].astype(float).tolist()
             user, state = content["user"], content["digest"]
             return cls(user, state, plan, content["paths"], content["share_near"], answers, times)
         except (ValueError, KeyError, TypeError, OSError) as error:
-            raise InputError(f"{path.name} in {ASKED}/ cannot be read ({error!r}): move it away") from error
+            what = f"{path.name} or {rows.name} in {ASKED}/ cannot be read ({error!r})"
+            raise InputError(f"{what}: restore them, or move both away") from error
 
     def trials(self) -> pd.DataFrame:
         """Return the answered rows of the plan."""
@@ -94,13 +99,9 @@ def real_trials(sitting: Sitting) -> pd.DataFrame:
 
 
 def digest(path: Path) -> str:
-    """Return a digest of what trials are made of: pictures, corners and cut-outs."""
-    used = [
-        path / SETTINGS,
-        path / CUTOUTS,
-        *sorted((path / SCENES).glob("[!.]*")),
-        *sorted(path.glob(f"{KINDS}/*/*")),
-    ]
+    """Return a digest of what trials are made of: pictures, corners and cut-outs, no file that a system adds."""
+    cutouts = [file for kind in sorted(path.glob(f"{KINDS}/[!.]*/")) for file in files.listed(kind, ".png")]
+    used = [path / SETTINGS, path / CUTOUTS, *files.listed(path / SCENES, *files.ENDINGS), *cutouts]
     parts = [f"{file.relative_to(path)}".encode() + file.read_bytes() for file in used if file.is_file()]
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
@@ -211,10 +212,10 @@ def sticker() -> UInt8[Array, "row column 4"]:
 def with_places(
     rng: np.random.Generator, folder: Folder, plan: pd.DataFrame, paths: Mapping[str, Path2]
 ) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return a plan with the place of each added item, without trials that find none, and each kind's share of near.
+    """Return a plan with a place for each added item, and for each kind the share of free places that are near.
 
-    Places are random free ones beside the path. Near ones are spread evenly over QUARTERS of NEAR_M where there is
-    room. A repeat has the place of its original.
+    Trials whose item finds no place are left out. Places are random free ones beside the path. Near ones are spread
+    evenly over QUARTERS of NEAR_M where there is room. A repeat has the place of its original.
     """
     cutouts = {**folder.cutouts, STICKER: [(sticker(), STICKER_M)]}
     capsules = {name: [kinds.footprint(*cutout) for cutout in several] for name, several in cutouts.items()}
@@ -227,19 +228,15 @@ def with_places(
             continue
         which = row.pair % len(capsules[row.condition])
         capsule, line = capsules[row.condition][which], folder.frame.to_model(paths[row.path])
+        pieces, free = np.stack([line[:-1], line[1:]], axis=1), path_ends[folder.scenes[row.scene]]
         quarter = (row.pair + sorted(capsules).index(row.condition)) % QUARTERS
         best: tuple = ()
         for _ in range(MOST_PLACES):
-            place = kinds.free_place(
-                rng, folder.frame, objects, row.scene, capsule, path_ends[folder.scenes[row.scene]]
-            )
+            place = kinds.free_place(rng, folder.frame, objects, row.scene, capsule, free)
             if place is None:
                 break
             ends = kinds.ends_of(folder.frame, capsule, *place)
-            item = kinds.capsules(
-                ends[None, None], np.array([[folder.frame.scale * capsule.radius]]), np.ones((1, 1), bool)
-            )
-            clearance = float(line_clearance(item, line[None, None])[0, 0, 0]) / folder.frame.scale
+            clearance = float(segment_distance(pieces, ends).min()) / folder.frame.scale - capsule.radius
             if clearance < 0:
                 continue
             near = clearance <= NEAR_M
@@ -255,9 +252,8 @@ def with_places(
     number = kept.cumsum() - 1
     plan["repeats"] = [int(number[r]) if r >= 0 else -1 for r in plan["repeats"]]
     plan = plan[kept].reset_index(drop=True).astype({"cutout": int})
-    return plan, {
-        n: float(near / total) for n, (near, total) in counts.items() if total and n in set(plan["condition"])
-    }
+    shown = set(plan["condition"])
+    return plan, {n: float(near / total) for n, (near, total) in counts.items() if total and n in shown}
 
 
 def picture(folder: Folder, row: Any) -> UInt8[Array, "side side 3"]:
@@ -304,19 +300,36 @@ def footprint(folder: Folder, row: Any) -> tuple[Float[Array, "2 2"], np.float64
     return ends, np.float64(folder.frame.scale * capsule.radius)
 
 
-def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFrame]:
-    """Return what people answered beside what their models say, for sittings about the folder as it is; {} for none.
+class Given(NamedTuple):
+    """Hold the sittings with answers about the folder as it is, each with the answers about real items."""
 
-    asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in the same pairs, and
-    varied, whether the person gave both answers;
-    asked_compared: effect, low and high by kind, of `You` and `Your model`; asked_average, asked_distances and
-    asked_agreement: as `experiment` gives them; asked_repairs: the share accepted by role of the path; asked_real: the
-    share of composited items by kind that got the same answer as the real one. All by user.
+    kept: list[tuple[Sitting, dict[int, bool]]]
+    apart: int  # others with answers: pictures or cut-outs have changed since, or the user has no demonstration now
+
+
+def given(folder: Folder) -> Given:
+    """Return what people answered; raise InputError for files that cannot be read."""
+    judged = {file: sitting for file, sitting in sittings(folder.path).items() if sitting.answers}
+    now, kept = digest(folder.path), list[tuple[Sitting, dict[int, bool]]]()
+    for file, sitting in judged.items():
+        if sitting.digest == now and sitting.user in folder.users:
+            kept.append((sitting, Sitting.read(file, file.with_name(f"{file.stem}{REAL}.csv")).answers))
+    return Given(kept, len(judged) - len(kept))
+
+
+def tables(
+    folder: Folder, fitted: Mapping[str, Fitted], answers: Sequence[tuple[Sitting, dict[int, bool]]]
+) -> dict[str, pd.DataFrame]:
+    """Return what people answered (`given`) beside what their models say; {} for nothing.
+
+    All tables are by user. asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in
+    the same pairs, and varied, whether the person gave both answers. asked_compared: effect, low and high by kind, of
+    `You` and `Your model`. asked_average, asked_distances and asked_agreement: as `experiment` gives them.
+    asked_repairs: the share accepted by role of the path. asked_real: how often a composited item got the same answer
+    as the real one, by kind.
     """
-    now, parts = digest(folder.path), dict[str, list[pd.DataFrame]]()
-    for file, sitting in sittings(folder.path).items():
-        if sitting.digest != now or not sitting.answers or sitting.user not in fitted:
-            continue
+    parts = dict[str, list[pd.DataFrame]]()
+    for sitting, second in answers:
         trials = sitting.trials()
         p = model_answers(folder, fitted[sitting.user], sitting, trials)
         effects = experiment.local_verdicts(sitting.plan, sitting.answers)
@@ -330,6 +343,7 @@ def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFra
         ]
         roles = trials.assign(role=[sitting.paths[name]["role"] for name in trials["path"]])
         roles = roles[(roles["repeats"] < 0) & roles["condition"].isin([UNCHANGED, EXTRA])]
+        roles = roles.sort_values("role", key=lambda names: names.map([VALID, ORIGINAL, REPAIR, DETOUR].index))
         made = {
             "effects": effects,
             "compared": pd.concat(compared).dropna(),
@@ -338,7 +352,6 @@ def tables(folder: Folder, fitted: Mapping[str, Fitted]) -> dict[str, pd.DataFra
             "agreement": experiment.agreement(trials, p > DECISION),
             "repairs": experiment.accepted_shares(roles, ["role"]),
         }
-        second = Sitting.read(file, file.with_name(f"{file.stem}{REAL}.csv")).answers
         composited = real_trials(sitting)
         again = composited[composited.index.isin(list(second))]
         if len(again):

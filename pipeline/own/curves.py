@@ -46,7 +46,9 @@ def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> t
     beyond = "demonstration ({name}) swings out farther than the models' paths can: leave it out"
     faults.rows(DEMONSTRATIONS, far, beyond)
     loose = "demonstration ({name}) does not determine its path: expected more samples between its ends"
-    faults.rows(DEMONSTRATIONS, demos[demos["noise_gain"] > MAX_NOISE_GAIN], loose)
+    follows = ~demos["poor"].astype(bool)  # a curve off its samples may fold, and its gain then says nothing of them
+    undetermined = follows & (demos["noise_gain"] > MAX_NOISE_GAIN)
+    faults.rows(DEMONSTRATIONS, demos[undetermined], loose)
     demos = demos[[*KEY, "valid", "residual_m", "poor", "noise_gain"]].reset_index(drop=True)
     demos["poor"] = demos["poor"].astype(bool)
     demos[control_columns(degree)] = np.reshape(controls, (len(demos), -1))

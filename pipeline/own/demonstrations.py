@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float, Int
+from numpy import ndarray as Array
 
 from pipeline.own.files import DEMONSTRATIONS, KEY, Faults, Settings, read_checked
 
@@ -108,3 +110,9 @@ def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> 
     }
     for sentence, rows in wrong.items():
         faults.rows(DEMONSTRATIONS, samples[rows], f"demonstration ({{name}}) {sentence}")
+
+
+def thinned(t: Float[Array, " n"], step: float) -> Int[Array, " kept"]:
+    """Return the indices of the first sample in each `step` of time, and of the last; all where this leaves too few."""
+    kept = np.unique(np.floor((t - t[0]) / step + 1e-3), return_index=True)[1]  # robust to rounded times
+    return np.append(kept[:-1], len(t) - 1) if len(kept) >= MIN_SAMPLES else np.arange(len(t))

@@ -4,14 +4,18 @@ Names that people chose stand in captions, which every browser can write. In a f
 the letters.
 """
 
+import itertools
+
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.patches import Polygon, Rectangle
 from numpy import ndarray as Array
 
+from pipeline.causal.experiment import DISTANCES_M
 from pipeline.own.folder import Folder
-from pipeline.own.frame import outline
+from pipeline.own.frame import Frame, outline
 from pipeline.own.results import Results
 from pipeline.report import style
 from pipeline.report.drawing import draw_table, panels
@@ -21,7 +25,7 @@ from pipeline.world.layout import SIDE
 FIRST_SCENES, SHEET_COLUMNS = 12, 6  # of the contact sheet
 DRAWN_REPAIRS = 4  # for each user
 PHOTOGRAPH_PX = 240  # side of a photograph on which paths are drawn
-WITHIN = -0.05, 1.05  # what panels with paths show [m of the model]
+AROUND = 0.05  # what panels with paths show beside the table [m of the model]
 LISTED_REPAIRS, LISTED_SCENES = 12, 5  # rows of tables for each user; the csv files hold all
 
 
@@ -43,9 +47,27 @@ def next_scenes(results: Results) -> pd.DataFrame:
     return results.tables["disagreement"].groupby("user", sort=False).head(LISTED_SCENES)
 
 
-def _draw_numbered(panel: Axes, number: int, image: Array, outlines: list[Array]) -> None:
-    """Draw a table with white outlines under its number."""
+def distances(results: Results) -> pd.DataFrame:
+    """Return what share of paths each user accepts by kind and clearance of an item; clearance: in words."""
+    ends = dict(itertools.pairwise(DISTANCES_M))
+    table = results.tables["asked_distances"].sort_values(["user", "from_m", "kind"])
+    words = [
+        f"{100 * m:.0f} to {100 * ends[m]:.0f} cm" if m in ends else f"from {100 * m:.0f} cm" for m in table["from_m"]
+    ]
+    return table.assign(clearance=words)
+
+
+def _draw(panel: Axes, image: Array, frame: Frame, around: float = 0) -> None:
+    """Draw a table, without what continues the picture to the model's square."""
     draw_table(panel, image)
+    width, depth = frame.to_model(np.array(frame.size_m))
+    panel.images[0].set_clip_path(Rectangle((0, 0), width, depth, transform=panel.transData))
+    panel.set(xlim=(-around, width + around), ylim=(-around, depth + around))
+
+
+def _draw_numbered(panel: Axes, number: int, image: Array, frame: Frame, outlines: list[Array]) -> None:
+    """Draw a table with white outlines under its number."""
+    _draw(panel, image, frame)
     panel.set_title(str(number))
     for points in outlines:
         panel.add_patch(Polygon(points, fill=False, edgecolor="white", linewidth=1.2))
@@ -63,7 +85,7 @@ def draw_scenes(folder: Folder, most: int) -> Figure:
     figure, axes = panels(rows, columns, 2.1 * columns, 2.35 * rows)
     for number, panel in enumerate(axes.flat):
         if number < shown:
-            _draw_numbered(panel, number + 1, folder.images[number], folder.outlines(number))
+            _draw_numbered(panel, number + 1, folder.images[number], folder.frame, folder.outlines(number))
         else:
             panel.set_axis_off()
     return figure
@@ -79,8 +101,8 @@ def repairs(results: Results) -> Figure:
         for panel in line[len(rows) :]:
             panel.set_axis_off()
         for number, (panel, row) in enumerate(zip(line, rows.itertuples(), strict=False)):
-            draw_table(panel, results.folder.frame.image(results.folder.canvases[row.scene], PHOTOGRAPH_PX))
             demos, frame = results.folder.demos, results.folder.frame
+            _draw(panel, frame.image(results.folder.canvases[row.scene], PHOTOGRAPH_PX), frame, AROUND)
             demo = demos[(demos["user"] == user) & (demos["scene"] == row.scene) & (demos["demo"] == row.demo)]
             end = frame.to_model(results.repaired_paths(user, row.scene)[row.demo])
             for points, colour, line in (
@@ -88,7 +110,6 @@ def repairs(results: Results) -> Figure:
                 (end, style.VALID, "-"),
             ):
                 panel.plot(*points.T, color=colour, linestyle=line, linewidth=2)
-            panel.set(xlim=WITHIN, ylim=WITHIN)
             panel.set_title(f"{results.title(user)}, {number + 1}: {row.p_before:.2f} to {row.p_after:.2f}")
     return figure
 
@@ -98,5 +119,5 @@ def additions(results: Results) -> Figure:
     figure, axes = panels(1, len(results.added), 2.4 * len(results.added), 2.6)
     for number, (panel, places) in enumerate(zip(axes[0], results.added.values(), strict=True), 1):
         around = outline(places.footprint.ends[0, 0], places.footprint.radius[0, 0] + 2 / SIDE)
-        _draw_numbered(panel, number, places.image, [around])
+        _draw_numbered(panel, number, places.image, results.folder.frame, [around])
     return figure

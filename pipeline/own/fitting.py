@@ -1,6 +1,6 @@
 """Fit one user's models, score them on scenes that they have not seen, and repair invalid demonstrations there.
 
-Folds are groups of scenes, so that a model never judges a scene it was fitted to.
+Folds are groups of arrangements, so that a model never judges a scene it was fitted to, nor one that looks the same.
 """
 
 import hashlib
@@ -8,6 +8,7 @@ import json
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,8 +23,9 @@ from pipeline.models.clearance.clearance import PATH_SAMPLES
 from pipeline.own.folder import Folder
 from pipeline.perception.objects import Objects
 from pipeline.runtime.streams import job_seed, stream
-from pipeline.stats.crossed import estimate, ratio
+from pipeline.stats.crossed import Estimates, estimate, ratio
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
+from pipeline.stats.tests import MIN_PAIRS
 from pipeline.world.bezier import bezier
 
 VARIANT = "clearance"
@@ -34,20 +36,20 @@ PRIOR_WIDTH_M = 0.055  # standard deviation of the kernel that smooths labels ov
 BINS = 5  # of the calibration; twenty scenes have some 150 demonstrations
 FLAT = 0.05  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
 FEW_CHANGES = 20  # changed decisions below which the interval follows from their number, as in library.effect
-INTERVAL_SCENES = 6  # of a mean difference, at least: five pairs can at best give p = 1/16
 REPAIRED_POINTS = 65  # of a repaired path
 COMPARED_PATHS = 196  # demonstrations of other scenes, at most, on which models are compared in each scene
 
 
 @dataclass(frozen=True)
 class UserData:
-    """A user's scenes with the same number of demonstrations each: where there are fewer, they repeat in turn.
+    """A user's scenes, each with the same number of demonstrations, so that each counts the same in a fit.
 
-    So each scene counts the same in a fit. `real` marks those that are no repetition: only they are scored.
+    Where a scene has fewer, they repeat in turn. `real` marks those that are no repetition: only they are scored.
     """
 
     user: str
     scenes: list[str]
+    arrangement: Int[Array, " scene"]  # the same number for scenes that look alike
     objects: Objects
     controls: Float[Array, "scene n control 2"]  # [m of the model]
     valid: Bool[Array, "scene n"]
@@ -66,10 +68,12 @@ class UserData:
         rows = {str(scene): part.index for scene, part in demos.groupby("scene")}
         counts = np.array([len(part) for part in rows.values()])
         index = np.stack([np.resize(part, counts.max()) for part in rows.values()])
+        numbers = [folder.scenes.index(scene) for scene in rows]
         return cls(
             user,
             list(rows),
-            folder.seen.objects[[folder.scenes.index(scene) for scene in rows]],
+            pd.factorize(folder.arrangements[numbers])[0],
+            folder.seen.objects[numbers],
             folder.controls(demos)[index],
             demos["valid"].to_numpy(bool)[index],
             np.arange(counts.max()) < counts[:, None],
@@ -85,7 +89,7 @@ class Fitted:
     model: ValidityModel  # of all scenes
     fold: Int[Array, " scene"]
     fold_models: list[ValidityModel]  # each fitted without one fold
-    judged: pd.DataFrame  # user, predictor, share, scene, demo, valid, p: on scenes not fitted to
+    judged: pd.DataFrame  # user, predictor, share, scene, arrangement, demo, valid, p: on scenes not fitted to
 
     def unseeing(self, scene: int) -> ValidityModel:
         """Return the model that was not fitted to a scene."""
@@ -94,7 +98,7 @@ class Fitted:
 
 def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
     """Fit one user's models and image-blind baselines."""
-    fold = stream("own", data.user, "folds").permutation(np.arange(len(data.scenes)) % min(FOLDS, len(data.scenes)))
+    fold = folds(data)
     predictors = [*((VARIANT, share) for share in SHARES), ("nearest_demonstration", 1.0), ("position_only", 1.0)]
     p, models, paths = {key: np.empty(data.valid.shape) for key in predictors}, [], data.paths
     for k in range(fold.max() + 1):
@@ -112,12 +116,19 @@ def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
         p["position_only", 1.0][test] = weight @ valid / weight.sum(-1)
     progress(f"{data.user}: all scenes")
     whole, real = fit_on(data, np.arange(len(data.scenes))), data.real
-    labels = {"scene": np.repeat(data.scenes, real.sum(1)), "demo": data.demo[real], "valid": data.valid[real]}
+    labels = {"scene": np.repeat(data.scenes, real.sum(1)), "arrangement": np.repeat(data.arrangement, real.sum(1))}
+    labels |= {"demo": data.demo[real], "valid": data.valid[real]}
     judged = [
         pd.DataFrame({"user": data.user, "predictor": predictor, "share": share, **labels, "p": values[real]})
         for (predictor, share), values in p.items()
     ]
     return Fitted(data, whole, fold, models, pd.concat(judged, ignore_index=True))
+
+
+def folds(data: UserData) -> Int[Array, " scene"]:
+    """Return a number from 0 for each scene, the same for scenes of one arrangement."""
+    count = data.arrangement.max() + 1
+    return stream("own", data.user, "folds").permutation(np.arange(count) % min(FOLDS, count))[data.arrangement]
 
 
 def apart(
@@ -145,18 +156,19 @@ def fit_on(data: UserData, scenes: Int[Array, " scene"]) -> ValidityModel:
 def scores(judged: pd.DataFrame) -> pd.DataFrame:
     """Return one row for each user, predictor and share of the training scenes.
 
-    accuracy has a 95 % interval over scenes (ci_low, ci_high), at least as wide as the exact one over demonstrations:
-    scenes that are all right do not vary, and prove little if they are few; balanced: the mean of the shares of valid
-    and of invalid paths on the right side; missed: share of invalid paths that are accepted.
+    accuracy has a 95 % interval over arrangements (ci_low, ci_high), at least as wide as the exact one over
+    demonstrations: scenes that are all right do not vary, and prove little if they are few. balanced: the mean of
+    two shares, of valid paths that are accepted and of invalid ones that are rejected. missed: share of invalid paths
+    that are accepted.
     """
     rows = []
     for (user, predictor, share), part in judged.groupby(["user", "predictor", "share"], sort=False):
         p, valid = part["p"].to_numpy(), part["valid"].to_numpy(bool)
         right = (p > DECISION) == valid
-        counts = part.assign(right=right).groupby("scene")["right"].agg(["sum", "size"]).to_numpy(float).T
+        counts = part.assign(right=right).groupby("arrangement")["right"].agg(["sum", "size"]).to_numpy(float).T
         interval = ratio(counts[:1, None], counts[1:, None])  # of the share of right answers, over scenes
         exact = binomtest(int(right.sum()), len(part)).proportion_ci()  # Clopper and Pearson, 1934
-        row = {"user": user, "predictor": predictor, "share": share, "scenes": counts.shape[1]}
+        row = {"user": user, "predictor": predictor, "share": share, "scenes": part["scene"].nunique()}
         row |= {"demonstrations": len(part), "accuracy": accuracy(p, valid)}
         row["ci_low"] = float(min(interval.ci_low[0].clip(0), exact.low))
         row["ci_high"] = float(max(interval.ci_high[0].clip(None, 1), exact.high))
@@ -170,28 +182,40 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
 def gain_from_seeing(judged: pd.DataFrame, scored: pd.DataFrame) -> pd.DataFrame:
     """Return for each user what the picture adds to balanced accuracy, over the better image-blind baseline.
 
-    gain, ci_low, ci_high (95 % over scenes, paired); blind: that baseline; state: `helps` (the interval lies above 0),
-    `nothing` (it lies below FLAT) or `open`. If fewer than FEW_CHANGES decisions differ, the interval reaches as high
-    as their share allows, as in `enough`; fewer than INTERVAL_SCENES scenes exclude nothing.
+    Columns of `_gain`, and blind: that baseline; state: `helps` (the interval lies above 0), `nothing` (it lies below
+    FLAT) or `open`.
     """
     rows = []
     for user, part in judged[judged["share"] == 1].groupby("user", sort=False):
         own = scored[(scored["user"] == user) & (scored["share"] == 1) & (scored["predictor"] != VARIANT)]
         blind = str(own.loc[own["balanced"].idxmax(), "predictor"])
         right = part.assign(right=(part["p"] > DECISION) == part["valid"])
-        table = right.pivot(index=["scene", "demo", "valid"], columns="predictor", values="right").astype(float)
+        table = right.pivot(
+            index=["arrangement", "scene", "demo", "valid"], columns="predictor", values="right"
+        ).astype(float)
         valid = table.index.get_level_values("valid").to_numpy(bool)
         weight = np.where(valid, 0.5 / valid.mean(), 0.5 / (1 - valid.mean()))
-        by_scene = pd.DataFrame({"gain": weight * (table[VARIANT] - table[blind]), "weight": weight}, table.index)
-        sums = by_scene.groupby("scene").sum().to_numpy().T
-        result = ratio(sums[:1, None], sums[1:, None])
-        gain, low, high = (float(v[0]) for v in (result.effect, result.ci_low, result.ci_high))
-        if (changed := int((table[VARIANT] != table[blind]).sum())) < FEW_CHANGES:
-            high = max(high, float(beta.ppf(0.975, changed + 1, len(table) - changed)))
-        low, high = (low, high) if sums.shape[1] >= INTERVAL_SCENES else (-1.0, 1.0)
-        state = "helps" if low > 0 else "nothing" if high < FLAT else "open"
-        rows.append({"user": user, "blind": blind, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
+        by_demo = pd.DataFrame({"gain": weight * (table[VARIANT] - table[blind]), "weight": weight}, table.index)
+        sums = by_demo.groupby("arrangement").sum().to_numpy().T
+        row = _gain(ratio(sums[:1, None], sums[1:, None]), table[VARIANT] != table[blind], ("helps", "nothing"))
+        rows.append({"user": user, "blind": blind} | row)
     return pd.DataFrame(rows)
+
+
+def _gain(mean: Estimates, changed: pd.Series, words: tuple[str, str], down: bool = False) -> dict[str, Any]:
+    """Return gain, ci_low, ci_high (95 % over arrangements, paired), state: a word above 0, one below FLAT, or `open`.
+
+    changed: whether a decision differs, by arrangement and others. If fewer than FEW_CHANGES do, the interval is
+    widened upwards (`down`: and downwards) to what their share allows (Clopper and Pearson, 1934), as scenes without
+    any change prove little. Fewer than MIN_PAIRS arrangements exclude nothing.
+    """
+    gain, low, high = (float(value[0]) for value in (mean.effect, mean.ci_low, mean.ci_high))
+    if (count := int(changed.sum())) < FEW_CHANGES:
+        share = float(beta.ppf(0.975, count + 1, len(changed) - count))
+        low, high = min(low, -share) if down else low, max(high, share)
+    low, high = (low, high) if changed.index.get_level_values("arrangement").nunique() >= MIN_PAIRS else (-1.0, 1.0)
+    state = words[0] if low > 0 else words[1] if high < FLAT else "open"
+    return {"gain": gain, "ci_low": low, "ci_high": high, "state": state}
 
 
 def calibration(judged: pd.DataFrame) -> pd.DataFrame:
@@ -210,26 +234,17 @@ def calibration(judged: pd.DataFrame) -> pd.DataFrame:
 
 
 def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
-    """Return for each user the gain of accuracy from half of the training scenes to all, paired by scene.
+    """Return for each user the gain of accuracy from half of the training scenes to all, paired by arrangement.
 
-    gain, ci_low, ci_high (95 % over scenes); state: `rising` (the interval lies above 0), `flat` (it lies below FLAT)
-    or `open`. If fewer than FEW_CHANGES decisions differ, the interval is at least as wide as their share allows
-    (Clopper and Pearson, 1934): scenes without any change prove little, and fewer than INTERVAL_SCENES exclude nothing.
+    Columns of `_gain`; state: `rising` (the interval lies above 0), `flat` (it lies below FLAT) or `open`.
     """
     rows = []
     for user, part in judged[judged["predictor"] == predictor].groupby("user", sort=False):
         right = part.assign(right=(part["p"] > DECISION) == part["valid"])
-        by_demo = right.set_index(["scene", "demo", "share"])["right"].unstack().astype(float)
+        by_demo = right.set_index(["arrangement", "scene", "demo", "share"])["right"].unstack().astype(float)
         gains = by_demo[1.0] - by_demo[0.5]
-        result = estimate(gains.groupby("scene").mean().to_numpy()[None, None])
-        gain, low, high = (float(v[0]) for v in (result.effect, result.ci_low, result.ci_high))
-        changed = int((gains != 0).sum())
-        if changed < FEW_CHANGES:
-            share = float(beta.ppf(0.975, changed + 1, len(gains) - changed))
-            low, high = min(low, -share), max(high, share)
-        low, high = (low, high) if len(gains.groupby("scene")) >= INTERVAL_SCENES else (-1.0, 1.0)
-        state = "rising" if low > 0 else "flat" if high < FLAT else "open"
-        rows.append({"user": user, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
+        mean = estimate(gains.groupby("arrangement").mean().to_numpy()[None, None])
+        rows.append({"user": user} | _gain(mean, gains != 0, ("rising", "flat"), down=True))
     return pd.DataFrame(rows)
 
 

@@ -5,14 +5,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray as Array
 
 from pipeline.own import files
 from pipeline.own.curves import POOR_ABOVE_M, control_columns, fit_demonstrations
-from pipeline.own.demonstrations import read_samples
+from pipeline.own.demonstrations import MIN_SCENES, read_samples
 from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCENES, SETTINGS, Faults, Settings, normal
 from pipeline.own.frame import Frame, outline, rectify
 from pipeline.own.items import COCO, MASKS, Told, Views, read_items
@@ -23,6 +24,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SIDE
 
 SHEET = "check.png"  # every picture with the outlines of what is seen
+ALIKE_LEVELS = 6  # of 255, at most between pictures of one arrangement, after a mean of 3 x 3 pixels; ours
 SIZES_PX = 6, 45  # of a typical item, where the detector is at its best [hundredths of the table's side]
 
 
@@ -49,6 +51,18 @@ class Folder:
     def images(self) -> UInt8[Array, "scene 100 100 3"]:
         """Return all pictures as the models see them."""
         return np.stack([self.frame.image(canvas) for canvas in self.canvases.values()])
+
+    @cached_property
+    def arrangements(self) -> Int[Array, " scene"]:
+        """Return a number for each scene, the same for those whose pictures look alike: nothing was moved between."""
+        smooth = np.stack([cv2.blur(image, (3, 3)) for image in self.images]).astype(np.int16)
+        first = list[int]()  # scene of each arrangement
+        numbers = np.zeros(len(smooth), int)
+        for scene, image in enumerate(smooth):
+            alike = np.abs(smooth[first] - image).max(axis=(1, 2, 3)) <= ALIKE_LEVELS
+            first += [] if alike.any() else [scene]
+            numbers[scene] = int(alike.argmax()) if alike.any() else len(first) - 1
+        return numbers
 
     @cached_property
     def from_pictures(self) -> Empty | None:
@@ -83,6 +97,10 @@ class Folder:
         notes, demos = [], self.demos
         if unlabelled := self.canvases.keys() - set(demos["scene"]):
             notes.append(f"{len(unlabelled)} scenes have no demonstration: the report says which to show next")
+        if (count := len(set(self.arrangements))) < len(self.scenes):
+            notes.append(
+                f"{len(self.scenes)} scenes show {count} arrangements: scenes that look alike are judged together"
+            )
         if not self.cutouts:
             notes.append(f"no {KINDS}/ with cut-outs: the report cannot ask what users react to")
         poor = demos[demos["poor"]]
@@ -181,7 +199,13 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
     if faults:
         return None, faults
     empty = None if bare is None else bare[0]
-    return Folder(path, frame, canvases, demos, degrees, empty, not by_scene, told, cutouts), faults
+    folder = Folder(path, frame, canvases, demos, degrees, empty, not by_scene, told, cutouts)
+    for user, rows in demos.groupby("user"):
+        count = len({folder.arrangements[folder.scenes.index(scene)] for scene in rows["scene"]})
+        if count < MIN_SCENES:
+            few = f"the scenes of user {user} look alike and show {count} arrangements: expected at least {MIN_SCENES}"
+            faults.append(f"{SCENES}/: {few}; move objects between pictures, or leave the user out")
+    return (None if faults else folder), faults
 
 
 def _read_canvas(

@@ -1,7 +1,7 @@
 """From a photograph to the model's table: a homography to the table, then a scale.
 
 The model's table is a square with a side of 1 m. A person's table lies in its near left corner, and its longer side is
-1 m to the model. Beyond a shorter side the square continues the colours of the table's rim.
+1 m to the model. Beyond a shorter side the square continues the median colours across the table.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from pipeline.world.layout import SIDE
 
 CANVAS_PX = 4 * SIDE  # side of a rectified table: fine enough to place cut-outs at a quarter of a model's pixel
 MAX_FINER = 4  # a photograph is warped at up to this many times CANVAS_PX, then averaged, so that nothing aliases
-SMOOTH_PX = 101  # the median that removes objects from the rim which continues the table beyond its edge
+SMOOTH_PX = 101  # of the median along the rim, after one across the table: no object colours what continues it
 RIM_PX = CANVAS_PX // 100  # the canvas' outermost hundredth repeats its neighbour: nobody marks corners to the pixel
 MIN_DEPTH = 1e-9  # relative to the picture's corner; no point of a table is so near to its horizon
 CIRCLE = np.linspace(0, 2 * np.pi, 48)  # bearings of an outline's points
@@ -92,8 +92,9 @@ def rectify(
     table = cv2.copyMakeBorder(inner, RIM_PX, RIM_PX, RIM_PX, RIM_PX, borders)
     if columns == rows:
         return table
-    plain = cv2.medianBlur(table, SMOOTH_PX)
-    canvas = cv2.copyMakeBorder(plain, CANVAS_PX - rows, 0, 0, CANVAS_PX - columns, borders)
+    across = int(rows > columns)  # the axis of the shorter side
+    rim = np.median(table, axis=across, keepdims=True).astype(np.uint8)  # (1, columns, 3) or (rows, 1, 3)
+    canvas = np.broadcast_to(cv2.medianBlur(rim, SMOOTH_PX).reshape(rim.shape), (CANVAS_PX, CANVAS_PX, 3)).copy()
     canvas[CANVAS_PX - rows :, :columns] = table
     return canvas
 

@@ -1,7 +1,7 @@
 """Ask what a user reacts to: composite an object into the pictures, and see what the model makes of it.
 
-Only what the models learned is asked, so a verdict is about the user as far as the models are right. The object casts
-no shadow.
+What the models learned is asked. A verdict is about the user only as far as the models are right. The object casts no
+shadow.
 """
 
 from collections.abc import Mapping
@@ -97,7 +97,7 @@ def free_place(
     capsule: Capsule,
     path_ends: Float[Array, "end 2"],
 ) -> tuple[Float[Array, "2"], float] | None:
-    """Return the picture's centre [m on the table] and angle [rad] where the object is clear of all else, if anywhere.
+    """Return a centre [m on the table] and an angle [rad] at which an object's picture is clear of all else, or None.
 
     path_ends: where demonstrated paths begin and end in this scene [m of the model].
     `world.layout.add_item` knows no table's edge, no other table than the model's and no picture beside its footprint.
@@ -158,8 +158,8 @@ def effects(fitted: Fitted, added: Mapping[str, Added], folder: Folder) -> pd.Da
     """Return one row for each kind: what adding it does to P(valid) of `random_paths`, for one user.
 
     effect, ci_low, ci_high, p_holm (over the user's kinds) as `library.effect` gives them, places being its scenes;
-    lowest, highest: of the models that were fitted without each fold. The verdict holds for all of these models and
-    survives Holm's correction, or it is `undecided`: the interval alone does not cover other demonstrations.
+    lowest, highest: of the models that were fitted without each fold. A verdict other than `undecided` holds for all of
+    these models and survives Holm's correction, because the interval alone does not cover other demonstrations.
     """
     rows = []
     for kind, places in added.items():

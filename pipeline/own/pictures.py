@@ -41,7 +41,7 @@ def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
 def decoded(path: Path, name: str, flag: int) -> Array:
     """Return the pixels as OpenCV gives them; their number is checked before they are decoded.
 
-    Raise InputError, which calls the file `name`, as `read_picture`.
+    Raise InputError as `read_picture`.
     """
     try:
         width, height = image_size(path)

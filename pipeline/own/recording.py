@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from pipeline.own.fitting import Fitted
 from pipeline.own.results import Results
 from pipeline.viewer import scene as views
-from pipeline.viewer.scene import AROUND, BACKDROP, TABLE_PIXELS, beside_text, on_table
+from pipeline.viewer.scene import on_table
 from pipeline.world.bezier import bezier
 
 TIMELINE, POINTS = "scene", 33
@@ -26,17 +26,10 @@ ones invalid; yellow paths are the repairs of these, by the model that was not f
 def write_recording(path: Path, results: Results) -> None:
     """Write the recording with its blueprint."""
     entities = {user: f"user_{number}" for number, user in enumerate(results.fitted, 1)}
-    sides = (-AROUND, TABLE_PIXELS + AROUND), (-4 * AROUND, TABLE_PIXELS + 2 * AROUND)
-    shown = {"background": BACKDROP, "visual_bounds": rrb.VisualBounds2D(x_range=sides[0], y_range=sides[1])}
-    tabs = [
-        beside_text(user, rrb.Spatial2DView(origin="/", contents=[f"/{entity}/**"], titlebar=False, **shown), "own")
-        for user, entity in entities.items()
-    ]
+    tabs = [views.beside_text(user, views.board((1, 1), f"/{entity}/**"), "own") for user, entity in entities.items()]
     time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", fps=0.5)
-    hidden = rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
-    blueprint = rrb.Blueprint(rrb.Tabs(*tabs, active_tab=0), *hidden, time, auto_views=False)
-    with views.recording_at(path, "own-table", blueprint) as recording:
-        views.log_static(recording, "text/own", views.markdown(ABOUT))
+    with views.recording_at(path, "own-table", views.tabbed("own-table", tabs, time)) as recording:
+        views.log_texts(recording, ABOUT, {"own": ABOUT})
         for user, entity in entities.items():
             for step in range(len(results.folder.scenes)):
                 recording.set_time(TIMELINE, sequence=step)

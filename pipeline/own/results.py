@@ -26,6 +26,7 @@ class Results:
     added: dict[str, kinds.Added]  # by kind
     tables: dict[str, pd.DataFrame]  # with a row an observation, without those that the folder cannot fill
     unlisted: int  # detected objects that are not listed
+    apart: int  # sittings of `ask` that are left out
 
     def table(self, name: str) -> pd.DataFrame:
         """Return a table by its name, which is also how a number of it names its source."""
@@ -42,6 +43,13 @@ class Results:
     def kind_title(self, kind: str) -> str:
         """Return the name of a kind that somebody was asked about, or its number where figures cannot write it."""
         return _written(kind) or f"kind {self.tables['asked_compared']['kind'].unique().tolist().index(kind) + 1}"
+
+    @property
+    def unwritten(self) -> dict[str, str]:
+        """Return the names of users and kinds that figures cannot write, by what stands for them there."""
+        kinds_asked = self.tables["asked_compared"]["kind"].unique() if "asked_compared" in self.tables else []
+        named = {self.title(user): user for user in self.fitted} | {self.kind_title(one): one for one in kinds_asked}
+        return {title: name for title, name in named.items() if not _written(name)}
 
     def repaired_paths(self, user: str, scene: str) -> dict[str, Float[Array, "point 2"]]:
         """Return the points [m on the table] of a user's repaired paths in a scene, by demonstration."""
@@ -70,8 +78,8 @@ def _written(name: str) -> str:
     return name.replace("\\", "\\\\").replace("$", r"\$") if can else ""
 
 
-def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
-    """Fit all users' models and return all results."""
+def compute(folder: Folder, given: asked.Given, progress: Callable[[str], object]) -> Results:
+    """Fit all users' models and return all results; given: answers to `ask` (`asked.given`)."""
     fitted = {user: fit_user(UserData.of(user, folder), progress) for user in folder.users}
 
     def by_user(ask: Callable[[Fitted], pd.DataFrame]) -> pd.DataFrame:
@@ -99,8 +107,8 @@ def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
     for name, parts in zip(("repaired", "repaired_paths"), zip(*repaired, strict=True), strict=True):
         tables[name] = pd.concat(parts, ignore_index=True)
     progress("answers to `ask`")
-    tables |= asked.tables(folder, fitted)
+    tables |= asked.tables(folder, fitted, given.kept)
     unlisted = 0
     if folder.told:
         tables["detections"], unlisted = compared(folder.seen, folder.scenes)
-    return Results(folder, fitted, added, tables, unlisted)
+    return Results(folder, fitted, added, tables, unlisted, given.apart)

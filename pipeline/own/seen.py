@@ -1,6 +1,6 @@
 """Find what stands on each table, and say how that is known: told, against the empty table, or by the picture alone.
 
-Kinds that a person named are learned from their items' looks, so that other items get the most alike kind.
+Where a person named kinds, every other item gets the kind whose items look most like it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -73,7 +73,8 @@ class Seen:
     @property
     def objects(self) -> Objects:
         """Return the objects that models see."""
-        return self._packed([self._scene(i) for i in range(len(self.ways))], [*map(self._doubt, range(len(self.ways)))])
+        doubts = [0.0 if scene in self.told else doubt for scene, doubt in enumerate(self.doubt)]
+        return Objects.of([self._scene(i) for i in range(len(self.ways))], doubts, len(self.names))
 
     @property
     def names(self) -> list[str]:
@@ -94,15 +95,12 @@ class Seen:
                 found, doubt = _detect([image], self.empty)
                 parts.append([self._final(one) for one in found[0]])
                 doubts.append(doubt[0])
-        return self._packed(parts, doubts)
+        return Objects.of(parts, doubts, len(self.names))
 
     def _scene(self, scene: int) -> list[Object]:
         if scene in self.told:
             return [self._final(one, kind) for kind, one in self.told[scene]]
         return [self._final(one) for one in self.found[scene]]
-
-    def _doubt(self, scene: int) -> float:
-        return 0.0 if scene in self.told else self.doubt[scene]
 
     def _final(self, one: Object, kind: str = "") -> Object:
         """Return an object whose looks are the probabilities of the named kinds, if there are any."""
@@ -110,9 +108,6 @@ class Seen:
             return one
         said = np.array([name == kind for name in self.kinds.names], float)
         return one._replace(looks=said if said.any() else self.kinds.probability(one))
-
-    def _packed(self, scenes: list[list[Object]], doubt: list[float]) -> Objects:
-        return Objects.of(scenes, doubt, len(self.names))
 
 
 def look(
@@ -134,9 +129,10 @@ def look(
 def suggest(
     canvases: Mapping[str, UInt8[Array, "side side 3"]], told: Mapping[str, Sequence[Told]], scene: str
 ) -> list[tuple[str, Float[Array, "point 2"]]]:
-    """Return kind and outline of what the detector finds in a scene; kinds: the most alike of those named in `told`.
+    """Return the kind and the outline of each object that the detector finds in a scene.
 
-    Outlines are in shares of the table's longer side, and so are those told.
+    The kind is that of the items in `told` that look most like it. All outlines are in shares of the table's longer
+    side.
     """
     frame, names = Frame((1.0, 1.0)), list(canvases)
     images = np.stack([frame.image(canvases[name]) for name in names])

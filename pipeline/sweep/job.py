@@ -95,7 +95,7 @@ def snapshot(root: Path) -> str:
 def _prepare(sweep: Sweep, clone: Path) -> None:
     """Make this process's clone of the sweep's commit, or clean the one that its job before left.
 
-    It is used again because the fast kernels are compiled, and data is hashed, once in each.
+    A process keeps its clone, because each new one compiles the fast kernels and hashes the data.
     """
     if not (clone / ".dvc" / "config.local").is_file():
         clone.parent.mkdir(parents=True, exist_ok=True)
@@ -112,7 +112,7 @@ def _prepare(sweep: Sweep, clone: Path) -> None:
 def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Path) -> None:
     """Run the stages in a process group of their own; raise InputError with the last line of the log if they fail.
 
-    They end with this process; and this one, if it is a child of the sweep's, as joblib's are, ends with the sweep's.
+    They end with this process. If this is a child of the sweep's process, as joblib's are, it ends with that.
     """
     env = {"PYTHONHASHSEED": "0", "PYTHONUNBUFFERED": "1", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)}
     env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # stages are run as `python -m ...`

@@ -95,7 +95,7 @@ def canonical(value: Any) -> str:
 def value_of(cfg: DictConfig, name: str) -> str:
     """Return a parameter's value as text, the same for all spellings of it; `null` for one that is not there.
 
-    Of a group, as in users@users.careful=normal, it is what stands where the group is put.
+    For a group, as in users@users.careful=normal, it is what stands where the group is put.
     """
     value = OmegaConf.select(cfg, name.rpartition("@")[2])
     return canonical(OmegaConf.to_container(value) if OmegaConf.is_config(value) else value)

@@ -2,8 +2,8 @@
 
 python -m pipeline.sweep.stages evaluate --overrides train.steps=100 ...
 
-DVC's run cache restores what another job has computed. Jobs that start together would both miss it, so a file lock in
-the cache guards each stage with its parameters: who comes second takes another stage meanwhile, and then restores.
+DVC's run cache restores what another job has computed. Jobs that start together would both miss it. So a file lock in
+the cache guards each stage with its parameters. The second job takes another stage meanwhile, and then restores.
 """
 
 import hashlib
@@ -52,8 +52,8 @@ def run_stages(targets: list[str]) -> int:
 def _graph(targets: Iterable[str]) -> tuple[dict[str, set[str]], dict[str, Path]]:
     """Return what each stage needs, and its lock, the same in all jobs with the same parameters up to this stage.
 
-    A stage without parameters, of which DVC caches no run, has its own lock in each clone. Whoever shares a cache with
-    others has locks of their own: another's are not theirs to write.
+    A stage without parameters has its own lock in each clone, as DVC caches no run of it. People who share a cache have
+    locks of their own, as they may not write another's.
     """
     with Repo() as repo:
         folder, graph = Path(repo.cache.local.path).parents[1] / f"sweep-locks-{os.getuid()}", repo.index.graph

@@ -10,10 +10,11 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_json, read_table, write_table
-from pipeline.audit.difference import MIN_PAIRS, paired, untested
+from pipeline.audit.difference import paired, untested
 from pipeline.launch import load
 from pipeline.report.page import FOLDER, Site, environment, render_page, write_files
 from pipeline.report.style import label
+from pipeline.stats.tests import MIN_PAIRS
 from pipeline.sweep.job import Sweep
 from pipeline.sweep.plan import value_of
 

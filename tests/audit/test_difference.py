@@ -10,7 +10,6 @@ from scipy.stats import ttest_rel
 
 from pipeline.audit.__main__ import main
 from pipeline.audit.difference import METRICS, Commit, Difference, _processors, paired
-from pipeline.audit.rerun import Output
 from pipeline.audit.text import of_difference, of_rerun
 from pipeline.git import git
 from pipeline.runtime.places import PROCESSORS
@@ -77,7 +76,7 @@ def test_a_stage_that_ran_again_with_other_bytes_is_not_called_equal_by_headline
     same = pd.DataFrame({"headline": ["x"], "word": ["same"], "difference": [0.0], "ci_low": [0.0], "ci_high": [0.0]})
     difference = Difference([], [], [], [], [], [], same)
     for path, word in (("outputs/scenes/images.npz", "changed"), (METRICS, "equal")):
-        assert of_rerun("scenes", [Output("scenes", path, False)], difference).startswith(f"# scenes: {word}\n")
+        assert of_rerun("scenes", {("scenes", path): False}, difference).startswith(f"# scenes: {word}\n")
 
 
 def test_an_audit_says_that_pairs_are_too_few():

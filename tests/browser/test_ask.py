@@ -59,8 +59,14 @@ def test_sixty_trials_are_judged_by_keys_over_a_kill_and_tell_what_the_person_re
         expect(page.locator("#count")).to_contain_text("0 judged, about 10 minutes left", timeout=WAIT_MS)
         assert Axe().run(page).response["violations"] == []
         (sitting,) = sittings(folder).values()
-        judge(page, sitting, 0, 25)
-        ready(page)
+        page.keyboard.press("Enter")  # favours neither answer
+        judge(page, sitting, 0, 24)
+        page.locator("#invalid").focus()
+        for _ in range(3):  # held
+            page.keyboard.down("Enter")
+            ready(page)
+        page.keyboard.up("Enter")
+        expect(page.locator("#count")).to_contain_text("25 judged")
         page.keyboard.press("u")
         expect(page.locator("#count")).to_contain_text("24 judged")
         judge(page, sitting, 24, 25)

@@ -1,7 +1,9 @@
 """The parts between a folder and its report: the homography and the similarity, paths, padding, places, scores."""
 
+import shutil
 from copy import deepcopy
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,8 +19,9 @@ from pipeline.own.frame import CANVAS_PX, Frame, rectify
 from pipeline.own.results import Results
 from pipeline.perception.objects import Objects
 from pipeline.world.bezier import P_INIT
+from pipeline.world.images import read_image
 from tests.factories import RED, WHITE, draw_table
-from tests.own.folders import add_kind, make_folder
+from tests.own.folders import SCENES, add_kind, edit, make_folder, write_picture
 
 CORNERS = np.array([[148, 62], [498, 71], [612, 441], [37, 428]], float)
 NOTHING = Objects.of([[]], [0.0], 0)
@@ -40,6 +43,29 @@ def test_scenes_with_fewer_demonstrations_repeat_them_and_only_real_ones_are_sco
     assert data.real[tea].tolist() == [True, True, False, False] and data.real.sum() == 14
     assert data.demo[tea].tolist() == ["0", "3", "0", "3"]
     assert np.array_equal(data.controls[tea, 1], data.controls[tea, 3])
+
+
+def test_scenes_that_look_alike_are_judged_by_models_that_saw_neither(tmp_path: Path):
+    """As of a log with a picture for each demonstration: the camera's noise is all that differs."""
+    path = make_folder(tmp_path / "t")
+    for scene in SCENES:
+        picture = read_image(path / "scenes" / f"{scene}.png").astype(int)
+        noisy = (picture + np.random.default_rng(0).integers(-2, 3, picture.shape)).clip(0, 255).astype(np.uint8)
+        write_picture(path / "scenes" / f"{scene} again.png", noisy)
+    edit(path, lambda table: pd.concat([table, table.assign(scene=table["scene"] + " again")]))
+    folder, faults = read_folder(path)
+    assert folder is not None and not faults and len(set(folder.arrangements)) == 4
+    assert "8 scenes show 4 arrangements" in folder.notes[0]
+    data = UserData.of("Ana", folder)
+    fold = fitting.folds(data)
+    for first, again in ((data.scenes.index(name), data.scenes.index(f"{name} again")) for name in SCENES):
+        assert fold[first] == fold[again]
+    assert set(fold) == {0, 1, 2, 3}
+    shutil.copy(path / "scenes" / "tea.png", path / "scenes" / "夕食.png")
+    for scene in ("夕食 again.png", "tea again.png"):
+        shutil.copy(path / "scenes" / "tea.png", path / "scenes" / scene)
+    folder, faults = read_folder(path)
+    assert folder is None and "look alike and show 3 arrangements: expected at least 4" in faults[0]
 
 
 def test_a_pasted_cutout_lies_where_its_footprint_says(folder: Folder):
@@ -76,10 +102,10 @@ def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(fol
 )
 def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float, scenes: int, state: str):
     """No change in 6 scenes proves nothing, nor does any in 5."""
-    keys = ["share", "scene", "demo"]
+    keys = ["share", "arrangement", "demo"]
     judged = pd.MultiIndex.from_product([(1.0, 0.5), range(scenes), range(8)], names=keys).to_frame(index=False)
     right = np.random.default_rng(1).random(len(judged)) < np.where(judged["share"] == 1, 1.0, half)
-    judged = judged.assign(user="Ana", predictor="clearance", valid=True, p=np.where(right, 0.9, 0.1))
+    judged = judged.assign(scene="all", user="Ana", predictor="clearance", valid=True, p=np.where(right, 0.9, 0.1))
     assert fitting.enough(judged, "clearance")["state"].tolist() == [state]
 
 
@@ -88,11 +114,11 @@ def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float
 )
 def test_that_pictures_help_or_do_not_takes_six_scenes_and_enough_answers(blind: float, scenes: int, state: str):
     """The same gain in each scene has no variance, and no gain in few answers may be chance."""
-    keys = ["predictor", "scene", "demo"]
+    keys = ["predictor", "arrangement", "demo"]
     names = ("clearance", "nearest_demonstration", "position_only")
     judged = pd.MultiIndex.from_product([names, range(scenes), range(8)], names=keys).to_frame(index=False)
     valid, wrong = judged["demo"] % 2 == 0, (judged["predictor"] != "clearance") & (judged["demo"] >= 8 * blind)
-    judged = judged.assign(user="Ana", share=1.0, valid=valid, p=np.where(valid != wrong, 0.9, 0.1))
+    judged = judged.assign(scene="all", user="Ana", share=1.0, valid=valid, p=np.where(valid != wrong, 0.9, 0.1))
     found = fitting.gain_from_seeing(judged, fitting.scores(judged))
     assert found["state"].tolist() == [state]
 
@@ -111,6 +137,7 @@ def test_an_accuracy_without_any_mistake_has_the_exact_interval_of_its_number():
         ("ann", "clearance", 1.0, f"s{scene}", valid, float(valid)) for scene in range(4) for valid in (True, False)
     ]
     judged = pd.DataFrame(rows, columns=["user", "predictor", "share", "scene", "valid", "p"])
+    judged["arrangement"] = judged["scene"]
     (row,) = fitting.scores(judged).itertuples()
     assert (row.accuracy, row.ci_high) == (1, 1) and row.ci_low == pytest.approx(0.025 ** (1 / 8))
 

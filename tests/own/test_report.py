@@ -1,5 +1,6 @@
 """A folder gives a report: the numbers are in it, names are harmless, an interrupted run goes on."""
 
+import html
 import json
 import re
 import shutil
@@ -15,10 +16,12 @@ import yaml
 
 from pipeline import library
 from pipeline.own.__main__ import main
+from pipeline.own.folder import read_folder
 from pipeline.own.frame import Frame
+from pipeline.own.recorder.asking import Asking
 from pipeline.own.report import on_the_table
 from pipeline.runtime.places import ROOT
-from tests.own.folders import USERS, edit, make_folder
+from tests.own.folders import USERS, add_kind, edit, make_folder
 
 EXAMPLE = ROOT / "examples" / "table"
 HOSTILE = {"Ana": '<script>alert("x")</script>', "Jürgen": "=HYPERLINK(1)$_{2}"}
@@ -129,3 +132,25 @@ def test_names_are_harmless_and_what_a_folder_cannot_tell_is_left_out_and_said(t
     assert "'=HYPERLINK" in (folder / "report" / "tables" / "scores.csv").read_text()
     assert "Nobody outlined any item" in page and "There are no cut-outs in kinds/" in page
     assert not (folder / "report" / "tables" / "interventions.csv").exists()
+
+
+@pytest.mark.slow
+def test_the_page_says_what_people_answered_who_quit_early_or_have_odd_names(tmp_path: Path, monkeypatch):
+    path = make_folder(tmp_path / "table")
+    edit(path, lambda table: table.assign(user=table["user"].map({"Ana": "NA", "Jürgen": '🦊 "J"'})))
+    add_kind(path, "nan,blue.png,0.12\n")
+    (path / "kinds" / "cup").rename(path / "kinds" / "nan")
+    folder, _ = read_folder(path)
+    assert folder is not None
+    asking = Asking(folder, None, 10.0)
+    for user, answers in (("NA", 1), ('🦊 "J"', 20)):
+        told = asking.begin(user=user)
+        for i in range(answers):
+            told = asking.answer(user=user, trial=told["trial"], valid=i % 2 == 0, response_ms=900.0)
+    fewer_steps(monkeypatch, 20)
+    assert main([str(path)]) == 0
+    page = html.unescape(re.sub(r"<[^>]+>", "", (path / "report" / "index.html").read_text()))
+    assert "NA. All answers are the same, so they cannot tell whether anything matters. The model predicts" in page
+    assert re.search(r'🦊 "J"\. Open: nan \([−+\d.]+ in \d+ pairs\)\. Most kinds need 13 pairs', page)
+    assert "Figures write “user 2” for 🦊" in page and "has judged no repair" in page
+    assert table(path / "report", "asked_effects")["kind"].isin(["nan", "sticker"]).all()

@@ -12,7 +12,7 @@ from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
 from pipeline.own.seen import ALONE, TOLD
 from pipeline.perception.empty import empty_table
 from tests.factories import RED, WHITE, draw_table
-from tests.own.folders import SCENES, make_folder
+from tests.own.folders import SCENES, edit, make_folder, write_picture
 
 SQUARE = [60.0, 60.0, 80.0, 60.0, 80.0, 80.0, 60.0, 80.0]  # in pictures of 100 x 100 pixels
 
@@ -44,6 +44,19 @@ def test_told_outlines_are_what_models_see_kinds_included(tmp_path: Path):
     assert seen.names == ["cup", "pläte"] and objects.present[told].sum() == 2 and objects.doubt[told] == 0
     np.testing.assert_allclose(objects.ends[told, 0].mean(0), (0.7, 0.3), atol=0.006)  # the larger one
     np.testing.assert_allclose(objects.kinds[told, :2], [[1, 0], [0, 1]])
+
+
+def test_nothing_is_seen_beyond_the_edge_of_a_table_that_is_not_square(tmp_path: Path):
+    """A plate that the far edge cuts off colours what continues the picture to the models' square."""
+    path = make_folder(tmp_path)
+    (path / "table.yaml").write_text("size_m: [1.0, 0.6]")
+    for i, scene in enumerate(SCENES):
+        picture = draw_table((0.7, 0.2, 0.05, RED), (0.3 + 0.1 * i, 0.58, 0.1, RED), seed=i)
+        write_picture(path / "scenes" / f"{scene}.png", picture[40:])
+    edit(path, lambda table: table.assign(y=table["y"].astype(float) * 0.6))
+    seen = read(path).seen
+    assert all(one.ends[:, 1].max() < 0.6 for objects in seen.found for one in objects)
+    assert all(len(objects) == 2 for objects in seen.found)
 
 
 def test_a_mask_and_a_capsule_and_a_polygon_tell_the_same(tmp_path: Path):

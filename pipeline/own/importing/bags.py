@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader  # pyright: ignore[reportMissingImports]
 from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
 from scipy.spatial.transform import Rotation
 
-from pipeline.own.importing.segments import Choices, Recording
+from pipeline.own.importing.segments import SPANS_M, Choices, Recording
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import JPEG_SIGNATURE, PNG_SIGNATURE
 
@@ -39,7 +39,9 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     said = list[tuple[int, str]]()  # labels, with when the bag received them [ns]
     with opened(path) as bag:
         if hand and not table:
-            raise InputError("--hand needs the table's frame: add --frame")
+            for _, _, raw in bag.messages([c for c in bag.connections if c.msgtype == TF]):
+                update(parents, bag.deserialize(raw, TF))
+            raise InputError(f"--hand needs the table's frame: add --frame; TF holds {_known(parents)}")
         poses = [] if hand else choose(bag, choices.topic, "--topic", POSES)
         if not poses and not hand:
             listed = ", ".join(f"{c.topic} ({c.msgtype})" for c in bag.connections) or "nothing"
@@ -79,8 +81,7 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     if count < sum(c.msgcount for c in poses):
         raise InputError(f"{path} ends after {count} poses, its index names more: it is truncated; copy it again")
     if not any(tracks):
-        known = ", ".join(sorted({*parents, *(parent for parent, _ in parents.values())})) or "no frame"
-        missing = f"no transform from {', '.join(frames) or hand} to {table}: TF holds {known}"
+        missing = f"no transform from {', '.join(frames) or hand} to {table}: TF holds {_known(parents)}"
         bare = f"{path} has {lost} poses in {''.join(c.topic for c in poses[:1])}, none with numbers: choose by --topic"
         raise InputError(missing if table else bare)
     if not table and len(frames) > 1:
@@ -92,8 +93,11 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
         "topic": topic,
         "picture": picture,
         "frame": choices.frame or next(iter(frames)),
-        "unit": choices.unit or "m",
+        "unit": choices.unit,
     }
+    widest = max(float(np.ptp(np.reshape(track, (-1, 5))[:, 1:3], axis=0).max()) for track in tracks if track)
+    if widest <= SPANS_M[1]:  # metres, as ROS prescribes; others publish millimetres
+        found["unit"] = found["unit"] or "m"
     choices, recordings, whole = choices.model_copy(update=found), [], bool(topic) and poses[0].msgtype == PATH
     parts = [np.array(track).reshape(-1, 5) for track in tracks if track]
     for samples, after in zip(parts, [*parts[1:], np.full((1, 5), np.inf)], strict=True):
@@ -122,7 +126,9 @@ def choose(bag: Any, topic: str | None, option: str, types: Sequence[str] = ()) 
     if (topic or next(iter(known), None)) not in (None, *known) or (topic is None and len(known) > 1):
         listed = ", ".join(f"{name} ({c.msgtype}, {c.msgcount} messages)" for name, c in known.items())
         what = f"{topic} is not among" if topic else "several may be meant of"
-        raise InputError(f"{bag.paths[0]}: {option}: {what} {listed or 'no topic of this kind'}: choose one")
+        kind = f" of {', '.join(types)}" if types else ""
+        wrong = f"{what} {listed}: choose one" if listed else f"there is no topic{kind}: leave it out"
+        raise InputError(f"{bag.paths[0]}: {option}: {wrong}")
     return [c for c in bag.connections if c.topic in ([topic] if topic else known)]
 
 
@@ -130,9 +136,18 @@ def update(parents: Parents, message: Any) -> None:
     """Take the transforms of a TFMessage."""
     for one in message.transforms:
         turn, shift, matrix = one.transform.rotation, one.transform.translation, np.eye(4)
-        matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+        child, parent = one.child_frame_id.lstrip("/"), one.header.frame_id.lstrip("/")
+        if not np.linalg.norm(quaternion := [turn.x, turn.y, turn.z, turn.w]) > 0:
+            what = f"the transform from {child} to {parent} has the rotation {quaternion}"
+            raise InputError(f"{what}: expected a unit quaternion, such as [0, 0, 0, 1]; correct what publishes it")
+        matrix[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
         matrix[:3, 3] = shift.x, shift.y, shift.z
-        parents[one.child_frame_id.lstrip("/")] = one.header.frame_id.lstrip("/"), matrix
+        parents[child] = parent, matrix
+
+
+def _known(parents: Parents) -> str:
+    """Return the names of all frames."""
+    return ", ".join(sorted({*parents, *(parent for parent, _ in parents.values())})) or "no frame"
 
 
 def between(parents: Parents, source: str, target: str) -> Float[Array, "4 4"] | None:
@@ -184,7 +199,11 @@ def _picture(bag: Any, cameras: Sequence[Any], logged: int) -> bytes | None:
         return data
     if message.encoding not in CHANNELS:
         raise InputError(f"{topic}: its encoding is {message.encoding!r}: expected {', '.join(CHANNELS)}, or jpeg")
-    rows = message.data.reshape(message.height, message.step)[:, : message.width * CHANNELS[message.encoding]]
+    size, width = f"{message.width} x {message.height}", message.width * CHANNELS[message.encoding]
+    if not 0 < width <= message.step or len(message.data) != message.height * message.step:
+        held = f"{len(message.data)} bytes in rows of {message.step}"
+        raise InputError(f"{topic}: a picture of {size} pixels has {held}: correct what publishes it, or --picture")
+    rows = message.data.reshape(message.height, message.step)[:, :width]
     pixels = np.ascontiguousarray(rows.reshape(message.height, message.width, -1))
     pixels = cv2.cvtColor(pixels, TO_BGR[message.encoding]) if message.encoding in TO_BGR else pixels
     return cv2.imencode(".png", pixels)[1].tobytes()

@@ -34,18 +34,22 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
         columns |= pair([name for name in names if name.startswith(STATE)]) or pair(names)
     places = {role: names.get(name) or names.get(f"{STATE}.{name}") for role, name in columns.items() if role != "t"}
     if not {"x", "y"} <= places.keys() or None in places.values():
-        lacking = ", ".join(columns[role] for role, place in places.items() if place is None) or "no x and y"
-        known = f"{path} has the columns {', '.join(names) or 'without names'}: {lacking} among them"
+        lacking = ", ".join(columns[role] for role, place in places.items() if place is None) or "x and y are"
+        known = f"{path} has the columns {', '.join(names) or 'without names'}: {lacking} not among them"
         raise InputError(f"{known}; choose by --columns x=NAME,y=NAME, --gripper NAME, --label NAME")
     camera = choices.picture or next(iter(cameras), None)
     videos = _videos(path, info, camera) if camera else None
     recordings: dict[int, Recording] = {}
+    lost = 0
     for file in sorted(path.glob("data/*/*.parquet")):
         table = _parquet(file, ["episode_index", "timestamp", *(key for key, _ in filter(None, places.values()))])
         for episode in np.unique(table["episode_index"]).astype(int).tolist():
             rows = table["episode_index"][:, 0] == episode
             values = {role: table[place[0]][rows, place[1]] for role, place in places.items() if place}
             t, xy = table["timestamp"][rows, 0], np.stack([values["x"], values["y"]], -1)
+            kept = np.isfinite(t) & np.isfinite(xy).all(1)
+            lost, t, xy = lost + int((~kept).sum()), t[kept], xy[kept]
+            values = {role: column[kept] for role, column in values.items()}
 
             def pictures(at: Sequence[int], t: Array = t, episode: int = episode) -> Iterator[bytes | None]:
                 return (_frame(*videos[episode], float(t[row])) if videos else None for row in at)
@@ -55,7 +59,11 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
             recordings[episode] = Recording(name, t, xy, values.get("gripper"), words, True, {}, pictures)
     if missing := {*range(count)} - recordings.keys():
         raise InputError(f"{path} lacks {len(missing)} of {count} episodes, the first {min(missing)}: copy it again")
-    return list(recordings.values()), choices.model_copy(update={"columns": columns, "picture": camera}), []
+    if not any(len(one.t) for one in recordings.values()) and lost:
+        raise InputError(f"{path} has no row with a time and a position: choose others by --columns")
+    notes = [f"{lost} rows without a position were left out"] if lost else []
+    found = {"columns": columns, "picture": camera}
+    return [one for one in recordings.values() if len(one.t)], choices.model_copy(update=found), notes
 
 
 def _names(key: str, feature: dict[str, Any]) -> list[str]:
@@ -90,6 +98,8 @@ def _videos(path: Path, info: dict[str, Any], camera: str) -> dict[int, tuple[Pa
         for i, chunk, number, begin in np.hstack(list(table.values())).tolist():
             place = template.format(video_key=camera, chunk_index=int(chunk), file_index=int(number))
             videos[int(i)] = path / place, begin
+    if missing := {*range(info["total_episodes"])} - videos.keys():
+        raise InputError(f"{path}/meta/episodes lacks {len(missing)} episodes, the first {min(missing)}: copy it again")
     return videos
 
 

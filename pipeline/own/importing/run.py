@@ -46,9 +46,16 @@ def main(arguments: Sequence[str]) -> int:
     listed, label = {}, Path(options.get("label", ""))
     if label.suffix == ".csv":
         del options["label"]
-        listed = files.read_csv(label, ["scene", "valid"]).set_index("scene")["valid"].to_dict()
+        if not label.is_file():
+            raise InputError(f"--label {label} is missing: expected a csv file with scene, valid, or a topic or column")
+        words = files.read_csv(label, ["scene", "valid"]).set_index("scene")["valid"]
+        if twice := words.index[words.index.duplicated()].tolist():
+            raise InputError(f"{label} names {twice[0]} twice: expected one row for each scene; remove the other")
+        listed = words.to_dict()
     if "columns" in options:
         options["columns"] = dict(one.partition("=")[::2] for one in options["columns"].split(","))
+        if wrong := options["columns"].keys() - set("txy"):
+            raise InputError(f"--columns names {min(wrong)!r}: expected some of x=NAME,y=NAME,t=NAME")
     held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     if (folder.exists() and not folder.is_dir()) or {*held} - {SETTINGS} or (held and "size" in options):
         what = f"{folder} holds {', '.join(held) or 'no folder'}"
@@ -76,7 +83,10 @@ def main(arguments: Sequence[str]) -> int:
         f"  {name}: {json.dumps(value, ensure_ascii=False)}{'  # guessed' if name in guessed else ''}\n"  # JSON is YAML
         for name, value in choices.model_dump(exclude_none=True).items()
     ]
-    section, staged = f"import:\n{''.join(lines)}", folder.with_name(f".part-{folder.name}")
+    section, staged = (
+        f"import:\n{''.join(lines)}",
+        next(one for one in folder.parents if one.is_dir()) / f".part-{folder.name}",
+    )
     shutil.rmtree(staged, ignore_errors=True)  # of a run that was killed
     try:
         (staged / SCENES).mkdir(parents=True)
@@ -88,6 +98,8 @@ def main(arguments: Sequence[str]) -> int:
         folder.mkdir(parents=True, exist_ok=True)
         for path in sorted(staged.iterdir(), reverse=True):  # demonstrations.csv last
             path.rename(folder / path.name)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written ({error.strerror}): choose another folder") from error
     finally:
         shutil.rmtree(staged, ignore_errors=True)
     print(section, *(f"note: {note}\n" for note in notes), sep="", end="")
@@ -168,6 +180,16 @@ def _write(
                 tidy = re.sub(r"[^\w.-]+", "-", files.normal(base)).strip("-.")
                 labels = {"scene": tidy, "user": user} | recording.labels
                 scene = labels["scene"]
+                wrong = [
+                    role
+                    for role in KEY
+                    if not files.is_printable(labels.get(role, "1")) or not labels.get(role, "1").strip()
+                ]
+                wrong += ["scene"] * bool({*scene} & {*"/\\"})
+                if wrong:
+                    raise InputError(
+                        f"{wrong[0]} is {labels[wrong[0]]!r}: expected a name, of a file if it is the scene's"
+                    )
                 numbers[scene, labels["user"]] += 1
                 heard = [word for after, word in recording.words if rows[0] < after <= end]
                 word = listed.get(scene, heard[-1] if heard else "")

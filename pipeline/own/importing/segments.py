@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from pydantic import BaseModel, ConfigDict, FiniteFloat
 
-from pipeline.own.demonstrations import MIN_SAMPLES
+from pipeline.own.demonstrations import thinned
 from pipeline.runtime.errors import InputError
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -73,7 +73,7 @@ def check_times(recording: Recording) -> None:
             f"{i + 2}: expected times that increase; cut the log there"
         )
     if len(recording.t) > 1 and np.median(np.diff(recording.t)) == 0:
-        raise InputError(f"{recording.name}: most samples have the time of the one before: choose another by --columns")
+        raise InputError(f"{recording.name}: most samples have the time of the one before: choose other times")
 
 
 def guess_unit(recordings: Sequence[Recording]) -> str:
@@ -118,7 +118,7 @@ def cut(recording: Recording, metres: Float[Array, "n 2"], choices: Choices, mid
     split = (active[1:] != active[:-1]) | ((np.diff(recording.t) > GAP_S) & (not recording.whole))
     runs = np.split(np.arange(len(metres)), np.flatnonzero(split) + 1)
     return [
-        rows[thinned(recording.t[rows])]
+        rows[thinned(recording.t[rows], MIN_STEP_S)]
         for rows in runs
         if active[rows[0]] and np.linalg.norm(np.diff(metres[rows], axis=0), axis=1).sum() >= MIN_PATH_M
     ]
@@ -135,9 +135,3 @@ def moving(t: Float[Array, " n"], metres: Float[Array, "n 2"]) -> Bool[Array, " 
             rests = (np.ptp(windows, axis=-1) <= REST_M).all(axis=0)
             active[rows] = np.interp(t[rows], grid, np.convolve(rests, np.ones(window)) > 0) < 1
     return active
-
-
-def thinned(t: Float[Array, " n"]) -> Array:
-    """Return the indices of the first sample in each MIN_STEP_S, and of the last; all where this leaves too few."""
-    kept = np.unique(np.floor((t - t[0]) / MIN_STEP_S + 1e-3), return_index=True)[1]  # robust to rounded times
-    return np.append(kept[:-1], len(t) - 1) if len(kept) >= MIN_SAMPLES else np.arange(len(t))

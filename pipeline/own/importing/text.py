@@ -48,7 +48,7 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     number, delimiter, names, columns = _header(path, lines, choices)
     rows = [(i, row) for i, row in enumerate(_split(lines[number:], delimiter), number + 1) if any(row)][1:]
     for i, row in rows:
-        if len(row) < len(names):
+        if len(row) < len(names) or any(row[len(names) :]):
             raise InputError(f"{path.name}, row {i} has {len(row)} cells, the header {len(names)}: correct it")
     cells = {role: [row[names.index(name)].strip() for _, row in rows] for role, name in columns.items()}
     table = pd.DataFrame(cells, dtype=str).set_axis([i for i, _ in rows])
@@ -103,7 +103,9 @@ def _header(path: Path, lines: list[str], choices: Choices) -> tuple[int, str, l
             labels = {name.lower(): name for name in names if name.lower() in LABELS}
             columns = {**labels, **dict(times), **({} if "x" in chosen else pair(names)), **chosen}
             if {"x", "y"} <= columns.keys() and {*columns.values()} <= {*names}:
-                if twice := [name for name in columns.values() if names.count(name) > 1]:
+                lower = [name.lower() for name in names]  # valid and Valid are two columns, unless one is chosen
+                alike = {role: lower.count(role) for role in labels.keys() - chosen.keys()}
+                if twice := [name for role, name in columns.items() if max(names.count(name), alike.get(role, 0)) > 1]:
                     raise InputError(f"{path.name} has two columns {twice[0]!r}: rename one")
                 if "t" not in columns:
                     raise InputError(f"{path.name} has no times among {', '.join(names)}: choose by --columns t=NAME")

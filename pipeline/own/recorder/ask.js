@@ -21,7 +21,8 @@ async function show(told) {
   busy(true);
   $("trial").hidden = false;
   $("undo").disabled = !told.answered;
-  $("count").textContent = `${told.answered} judged, about ${Math.ceil(told.left_s / 60)} minutes left`;
+  const left = told.trial === null ? "" : `, about ${Math.ceil(told.left_s / 60)} minutes left`;
+  $("count").textContent = `${told.answered} judged${left}`;
   for (const id of ["valid", "invalid"]) $(id).disabled = told.trial === null || Boolean(told.wanted);
   $("note").textContent = told.note ?? "";
   $("note").hidden = !told.note;
@@ -32,7 +33,8 @@ async function show(told) {
     next = told;
     board.redraw();
     busy(false);
-    say("That is all. Thank you! You may close this page, and end the recorder with Ctrl-C.", "good");
+    const why = told.left_s ? "That is all." : "The minutes are over; more are given with --minutes.";
+    say(`${why} Thank you! You may close this page, and end the recorder with Ctrl-C.`, "good");
     return;
   }
   await board.show(told.picture + (told.taken ? `?${told.taken}` : ""), "A table with a path");
@@ -46,6 +48,7 @@ async function show(told) {
 async function send(path, values) { // shows what is due, also after an answer from another window
   if (sending || !next) return;
   sending = true;
+  if ($("message").textContent) say("");
   try {
     await show(await ask(path, { user, ...values }));
   } catch (error) {
@@ -57,7 +60,6 @@ async function send(path, values) { // shows what is due, also after an answer f
 
 function answer(valid) {
   if (!next || next.trial === null || next.wanted) return;
-  if ($("message").textContent) say("");
   send("/api/answer", { trial: next.trial, valid, response_ms: performance.now() - since });
 }
 
@@ -69,7 +71,7 @@ async function begin(name) {
     const told = await ask("/api/begin", { user });
     say(told.apart ? "The folder has changed since an earlier sitting: its answers are kept apart." : "");
     await show(told);
-    $("valid").focus();
+    $("main").focus({ preventScroll: true }); // on neither answer: Enter should not mean one of them
   } catch (error) {
     say(error.message, "bad");
     $("who").hidden = false;
@@ -86,6 +88,7 @@ $("file").addEventListener("change", event => {
   if (event.target.files.length) reader.readAsDataURL(event.target.files[0]);
 });
 document.addEventListener("keydown", event => {
+  if (event.repeat && event.key === "Enter") event.preventDefault(); // held on a button, it would go on judging
   const keys = { v: () => answer(true), n: () => answer(false), u: () => $("undo").disabled || send("/api/undo", {}) };
   const action = keys[event.key.toLowerCase()];
   if (!action || event.repeat || event.ctrlKey || event.metaKey || event.altKey || $("trial").hidden) return;

@@ -29,6 +29,7 @@ from pipeline.own.frame import CANVAS_PX
 from pipeline.own.recorder.serve import BESIDE, application, parser, posted, serve
 from pipeline.own.recorder.storage import as_sent, write_durably
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.parallel import one_thread
 
 SECONDS = 4  # of a judgement, before there is any
 LONGEST_MS = 60_000  # of an answer that counts as time at work: people are called away
@@ -129,7 +130,7 @@ class Asking:
     def shown(self, user: str) -> dict[str, Any]:
         """Return what the page shows: the next trial, or none once the minutes are over or all is asked.
 
-        Nothing of `Asking` in it tells the condition: points [px] of the path, and the address of a picture.
+        `Asking` sends points [px] of the path and the address of a picture, which do not tell the condition.
         """
         sitting, (row, left) = self.kept[user], self.next(user)
         told = {"trial": row, "answered": len(sitting.answers), "left_s": round(left), "apart": self.apart}
@@ -192,9 +193,11 @@ def main(arguments: Sequence[str]) -> int:
     parsed = parse.parse_args(arguments)
     if not 0 < parsed.minutes <= 600:
         raise InputError(f"--minutes is {parsed.minutes:g}: expected minutes above 0 and up to 600")
+    one_thread()  # as the report, whose detector should find the same
+    quoted = shlex.quote(str(parsed.folder))
     folder, faults = read_folder(parsed.folder)
     if folder is None:
-        raise InputError(f"{faults[0]} (python -m pipeline.own check {shlex.quote(str(parsed.folder))} says all)")
+        raise InputError(f"{faults[0]} (python -m pipeline.own check {quoted} says all)")
     asking = Asking(folder, parsed.user, parsed.minutes)
     if parsed.design:
         from pipeline.own.recorder.designing import Designing  # which imports this module
@@ -206,23 +209,30 @@ def main(arguments: Sequence[str]) -> int:
         asking = Placing(folder, parsed.user, parsed.minutes)
     if asking.apart:
         print(f"The folder has changed since {asking.apart} earlier sittings: their answers are kept apart")
-    if not (folder.path / "report" / "tables" / "repaired.parquet").is_file():
-        make = f"python -m pipeline.own {shlex.quote(str(parsed.folder))}"
-        print(f"There is no report yet, so no repair is asked about: {make} makes it")
-    named = {kind for items in folder.told.values() for kind, *_ in items if kind}
-    if unasked := sorted(named - set(folder.cutouts)):
-        print(f"Without a cut-out in {KINDS}/ these kinds are not asked about: {', '.join(unasked)}")
-    if folder.cutouts:
-        count = len(folder.cutouts)
-        pairs = pairs_within(60 * parsed.minutes / SECONDS, count)
-        settled = f"effects of {smallest_settled(pairs):.2f} for {count} kinds" if pairs else "no kind"
-        print(
-            f"{parsed.minutes:g} minutes are some {60 * parsed.minutes / SECONDS:.0f} judgements: they settle {settled}"
-        )
+    if not (parsed.design or parsed.real):
+        for line in outlook(folder, quoted, parsed.minutes):
+            print(line)
 
     def ended() -> str:
         count = sum(len(sitting.answers) for sitting in asking.kept.values())
-        next_one = f"python -m pipeline.own {shlex.quote(str(parsed.folder))}"
-        return f"{count} judgements lie in {folder.path / ASKED}. Next: {next_one}"
+        then = "" if parsed.design else f" Next: python -m pipeline.own {quoted}"
+        return f"{folder.path / ASKED} holds {count} of these judgements.{then}"
 
     return serve(parsed, lambda hosts: application(routes(asking), hosts), "Asking about", ended)
+
+
+def outlook(folder: Folder, quoted: str, minutes: float) -> list[str]:
+    """Return what a sitting will not ask, and what its minutes settle; quoted: the folder, as a shell reads it."""
+    lines, judgements, count = [], 60 * minutes / SECONDS, len(folder.cutouts)
+    if not (folder.path / "report" / "tables" / "repaired.parquet").is_file():
+        lines.append("There is no report yet, so new sittings ask about no repair, not even after a later report.")
+        lines.append(f"To ask about repairs, end this and run first: python -m pipeline.own {quoted}")
+    named = {kind for items in folder.told.values() for kind, *_ in items if kind}
+    if unasked := sorted(named - set(folder.cutouts)):
+        lines.append(f"Without a cut-out in {KINDS}/ these kinds are not asked about: {', '.join(unasked)}")
+    if count:
+        pairs = pairs_within(int(judgements), count)
+        ruled_out = f"they rule out effects on more than {smallest_settled(pairs):.0%} of answers, of {count} kinds"
+        told = f"where no answer changes, {ruled_out}" if pairs else "too few for a verdict"
+        lines.append(f"{minutes:g} minutes are some {judgements:.0f} judgements: {told}")
+    return lines

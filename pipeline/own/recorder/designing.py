@@ -136,27 +136,38 @@ def members(
 
 
 def sentence(folder: Folder, row: Any) -> str:
-    """Return what to put where, in words: centimetres on the table, and the nearest other item."""
-    frame, scene, seen = folder.frame, folder.scenes[row.scene], folder.seen.objects
+    """Return what to put where, in words (`placed`), and the path that passes it."""
+    scene = folder.scenes[row.scene]
+    path = f"the path of demonstration {row.path.removeprefix(f'{VALID} {scene} ')}"
+    return f"On {scene}, a {placed(folder, row)}; {path} passes it at {100 * row.clearance_m:.0f} cm."
+
+
+def placed(folder: Folder, row: Any) -> str:
+    """Return the kind and place of an added item, in words: centimetres on the table, and the nearest other item."""
+    frame, seen = folder.frame, folder.seen.objects
     ends, radius = footprint(folder, row)
     x, y = 100 * frame.to_table(ends.mean(0))
-    where = f"{x:.0f} cm from the left and {y:.0f} cm from the near edge"
+    words = f"{row.condition} {x:.0f} cm from the left and {y:.0f} cm from the near edge"
     present = np.flatnonzero(seen.present[row.scene])
     if len(present):
         gaps = segment_distance(ends, seen.ends[row.scene, present].astype(float)) - radius
         gaps = (gaps - seen.radius[row.scene, present]) / frame.scale
         told = [kind for kind, _ in folder.seen.told.get(row.scene, [])]
         other = (told[gaps.argmin()] if len(told) == len(present) else "") or "item"
-        where += f", {100 * gaps.min():.0f} cm beside the {other}"
-    path = f"the path of demonstration {row.path.removeprefix(f'{VALID} {scene} ')}"
-    return f"On {scene}, a {row.condition} {where}; {path} passes it at {100 * row.clearance_m:.0f} cm."
+        words += f", {100 * gaps.min():.0f} cm from the nearest {other}"
+    return words
 
 
 def remaining(rules: Rules, names: list[str]) -> list[str]:
     """Return what is known of the rules, in words: the likeliest variant, and each kind's likeliest margin."""
     variant, margins = rules.known()
-    lines = [f"Items count {list(VARIANTS)[variant.argmax()]}: {variant.max():.0%} sure."]
+    lines = [f"Items count {list(VARIANTS)[variant.argmax()]}: {sure(variant.max())}."]
     for name, p in zip(names, margins, strict=True):
         margin = f"keeps {100 * MARGINS_M[p.argmax()]:.0f} cm away" if p.argmax() else "does not matter"
-        lines.append(f"{name}: {margin}, {p.max():.0%} sure.")
+        lines.append(f"{name}: {margin}, {sure(p.max())}.")
     return lines
+
+
+def sure(p: float) -> str:
+    """Return a probability in words; never certainty, which no answers give."""
+    return f"{p:.0%} sure" if p < 0.995 else "more than 99% sure"

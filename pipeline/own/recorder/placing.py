@@ -2,6 +2,7 @@
 
 from base64 import b64decode
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from pipeline.own.folder import Folder
 from pipeline.own.frame import rectify
 from pipeline.own.pictures import read_picture
 from pipeline.own.recorder.asking import Asking
+from pipeline.own.recorder.designing import placed
 from pipeline.own.recorder.serve import posted
 from pipeline.own.recorder.storage import as_sent
 from pipeline.runtime.errors import InputError
@@ -33,7 +35,9 @@ class Placing(Asking):
         self.first = {name: self.kept[name] for name in self.users if name in self.kept}
         self.users = [name for name, sitting in self.first.items() if len(real_trials(sitting))]
         if not self.users:
-            raise InputError(f"no item was judged yet: python -m pipeline.own ask {folder.path} comes before --real")
+            raise InputError(
+                f"no item was judged yet: python -m pipeline.own ask {quote(str(folder.path))} comes before --real"
+            )
         plans = {name: self.files[name] for name in self.users}
         self.files = {name: plan.with_name(f"{plan.stem}{REAL}.json") for name, plan in plans.items()}
         self.kept = {name: Sitting.read(plan, self.files[name].with_suffix(".csv")) for name, plan in plans.items()}
@@ -55,11 +59,10 @@ class Placing(Asking):
         if (file := self.photograph(user, row)).is_file():
             note = "This is your photograph. Do you accept the path? You may choose another picture."
             return {"note": note, "taken": str(file.stat().st_mtime_ns)}
-        kind, scene = self.kept[user].plan.loc[row, ["condition", "scene"]]
-        shown = f"Set the table as this picture of {self.folder.scenes[scene]} shows it"
-        note = f"{shown}, with a real {kind} where it has one. Photograph it from where the camera of {SCENES}/ stood, "
-        note += "and choose that picture."
-        return {"note": note, "wanted": True}
+        (trial,) = self.kept[user].plan.loc[[row]].itertuples()
+        note = f"Set the table as the picture shows it: {self.folder.scenes[trial.scene]}, and a real "
+        note += f"{placed(self.folder, trial)}. Photograph it from where the camera of {SCENES}/ stood, and choose "
+        return {"note": note + "that photograph here.", "wanted": True}
 
     def photograph(self, user: str, row: int) -> Path:
         """Return where a photograph lies, or will."""

@@ -1,5 +1,6 @@
 """Store what is recorded in a folder: every change reads, checks and replaces one file, one change at a time."""
 
+import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -14,19 +15,21 @@ from numpy import ndarray as Array
 from pydantic import ConfigDict, Field, FiniteFloat, validate_call
 
 from pipeline.own import files
-from pipeline.own.demonstrations import MIN_SAMPLES, MIN_SCENES, check_paths
-from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings
+from pipeline.own.demonstrations import MIN_SAMPLES, MIN_SCENES, check_paths, thinned
+from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings, is_printable, normal
 from pipeline.own.frame import mapped, rectify, to_metres, whole
 from pipeline.own.items import COCO, Told, crosses_itself
 from pipeline.own.pictures import read_picture
 from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
-from pipeline.own.recorder.rows import described, identity, thinned, tidy_name
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
 HEADER = "# Where the table is in the pictures, written by the recorder. docs/own-tables.md says what each line is.\n"
 COLUMNS = files.COLUMNS[DEMONSTRATIONS]
 FIELDS = 10  # of the grid over the table, a side
+MIN_STEP_MS = 8.0  # between stored samples; some pens report 240 a second
+MAX_NAME = 60  # characters of a person's name
+FORMULA = "=+-@"  # a spreadsheet runs a cell that begins so
 
 Point = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 Corners = Annotated[list[Point], Field(min_length=4, max_length=4)]
@@ -107,7 +110,8 @@ class Recordings:
         """
         user = tidy_name(user)
         with self._lock:
-            settings, kept = self._settings(), thinned(np.array(samples))
+            settings, kept = self._settings(), np.array(samples)
+            kept = kept[thinned(kept[:, 0], MIN_STEP_MS)]
             corners, t = self._corners(scene, settings), (kept[:, 0] - kept[0, 0]) / 1000
             if corners is None:
                 raise InputError(f"the table's corners in scene {scene} are not known: mark them first")
@@ -297,3 +301,26 @@ def _sync(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def tidy_name(name: str) -> str:
+    """Return a name without needless spaces; raise InputError for one that a csv file should not hold."""
+    name = normal(name)
+    if not 1 <= len(name) <= MAX_NAME:
+        raise InputError(f"the person’s name has {len(name)} characters: expected 1 to {MAX_NAME}")
+    if name[0] in FORMULA or not is_printable(name):
+        raise InputError(
+            f"the person’s name {name!r} would be a formula in a spreadsheet, or cannot be printed: change it"
+        )
+    return name
+
+
+def described(rows: pd.DataFrame) -> dict[str, Any]:
+    """Return what the page shows of a path."""
+    user, demo, word = rows[["user", "demo", "valid"]].iloc[0]
+    return {"id": identity(rows), "user": user, "demo": demo, "valid": word.lower() == "true" if word else None}
+
+
+def identity(rows: pd.DataFrame) -> str:
+    """Return a name that changes with the content of these rows, so that nobody removes what they have not seen."""
+    return hashlib.sha256(repr(rows.to_numpy().tolist()).encode()).hexdigest()[:16]

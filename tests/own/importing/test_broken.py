@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode  # pyright: ignore[reportMissingImports]
@@ -83,6 +84,15 @@ def no_state(path: Path) -> Path:
     return log
 
 
+def no_positions(path: Path) -> Path:
+    log = lerobot()(path)
+    (file,) = log.glob("data/*/*")
+    table = pq.read_table(file)
+    lost = pa.array([[np.nan] * 4] * len(table), pa.list_(pa.float32()))
+    pq.write_table(table.drop_columns(["observation.state"]).append_column("observation.state", lost), file)
+    return log
+
+
 def empty(path: Path) -> Path:
     log = lerobot(info=lambda info: info.update(total_episodes=0))(path)
     shutil.rmtree(log / "data")
@@ -117,6 +127,10 @@ GREY = np.zeros((8, 8, 3), np.uint8)
 OTHER = (0.0, "/other", bags.posed(0, 0, 0))
 BASE = (0.0, "/tf", bags.tf(0, "map", "base", 0, 0))
 LEFT, RIGHT = (0.0, "/left", bags.image(0, GREY, "rgb8")), (0.0, "/right", bags.image(0, GREY, "png"))
+UNTURNED = bags.tf(0, "table", "base", 0, 0)
+UNTURNED.transforms[0].transform.rotation.w = 0.0
+TALL = bags.image(0, GREY, "rgb8")
+TALL.height *= 2
 CLOSED = (0.0, "/grip", bags.make("std_msgs/Bool", True))
 SQLITE: dict[str, Any] = {"storage": bags.STORAGES[0]}
 ZSTD = SQLITE | {"mode": CompressionMode.FILE, "fmt": CompressionFormat.ZSTD}
@@ -129,7 +143,8 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("a topic that is not there", poses(), "--topic /arm", "/arm is not among /hand"),
     ("no transform", more(BASE), "--frame desk", "from table to desk.* base, map"),
     ("no TF at all", poses(), "--frame desk", "TF holds no frame"),
-    ("hand without frame", poses(), "--hand tool", "add --frame"),
+    ("hand without frame", more(BASE), "--hand tool", "add --frame; TF holds base, map"),
+    ("a rotation of zeros", more((0.0, "/tf", UNTURNED)), "--frame map", "from base to table .* unit quaternion"),
     ("hand not in TF", more(BASE), "--hand tool --frame map", "from tool"),
     ("several frames", more((9, "/hand", bags.posed(9, 0, 0, "map"))), "", "frames map, table"),
     (
@@ -151,16 +166,20 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("damaged compression", cut(poses(**ZSTD), "*.zstd"), "", "truncated"),
     ("several cameras", more(LEFT, RIGHT), "", "--picture: several"),
     ("depth pictures", more((0, "/depth", bags.image(0, GREY, "16UC1"))), "", "encoding is '16UC1'"),
+    ("a picture with too few rows", more((0.0, "/camera", TALL)), "", "of 8 x 16 pixels has 224 bytes in rows of 28"),
+    ("a camera that is not there", poses(), "--picture /camera", "no topic of sensor_msgs/msg/CompressedImage"),
     ("gripper that stays", more(CLOSED), "--gripper /grip", "opens and closes"),
     ("gripper of poses", poses(), "--gripper /hand", "TOPIC:JOINT"),
     ("no movement", poses(lambda given: given[:50]), "", "no movement is 0.1 m long"),
     ("a part of a data set", lambda path: lerobot()(path) / "meta", "", "another kind"),
     ("old format", lerobot(info=lambda info: info.update(codebase_version="v1.6")), "", "v1.6"),
     ("two cameras", lerobot(info=second_camera), "", "images.top, observation.images.wrist"),
-    ("a column that is not there", lerobot(), "--columns x=px,y=py", "px, py among them"),
+    ("a column that is not there", lerobot(), "--columns x=px,y=py", "px, py not among them"),
     ("info without features", lerobot(info=lambda info: info.pop("features")), "", "KeyError: 'features'"),
     ("a data set without episodes", empty, "", "no recording"),
     ("parquet without the columns", no_state, "", "no column observation.state"),
+    ("a data set of lost samples", no_positions, "", "no row with a time and a position"),
+    ("format v3 without its list of episodes", without(lerobot(), "meta/episodes/*/*"), "", "lacks 3 episodes"),
     ("truncated parquet", cut(lerobot(), "data/*/*"), "", "truncated"),
     ("an episode is missing", without(lerobot("v21"), "*1.parquet"), "", "lacks 1 of 3 episodes, the first 1"),
     ("a video is missing", without(lerobot("v21"), "*1.mp4"), "", "episode_000001.mp4"),
@@ -171,6 +190,12 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("csv with several places", text("t,hand.x,hand.y,head.x,head.y\n"), "", "x=hand.x,y=hand.y; x=head.x,y=head.y"),
     ("csv with words", rows("t,x,y", "9,left,0"), "", "row 302: x is 'left'"),
     ("csv with two columns of a name", text("t,x,y,x\n"), "", "two columns 'x'"),
+    ("csv with two columns of labels", text("t,x,y,valid,Valid\n"), "", "two columns 'Valid'"),
+    ("csv with decimal commas between commas", text("t,x,y\n0,0,0,1,0,1\n"), "", "row 2 has 6 cells, the header 3"),
+    ("csv with a scene in another folder", text("t,x,y,scene\n0,0,0,../a\n1,1,1,../a\n"), "", r"scene is '\.\./a'"),
+    ("a user without a name", rows("t,x,y"), "--user=", "user is ''"),
+    ("a column for nothing", rows("t,x,y"), "--columns q=t", "--columns names 'q'"),
+    ("a label file that is missing", rows("t,x,y"), "--label labels.csv", "labels.csv is missing"),
     ("csv with times that stand still", text("sec,x,y\n" + "1,0,0\n1,1,1\n1,2,2\n"), "", "the time of the one before"),
     ("csv in which dates are none", rows("t,x,y", "25:61,0,0"), "", "row 302: t is '25:61'"),
     (
@@ -199,8 +224,15 @@ def test_a_broken_log_is_refused_and_nothing_is_written(tmp_path: Path, make: Ma
     log = make(tmp_path)
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(InputError, match=sentence):
-        main(["import", str(log), str(tmp_path / "folder"), *options.split()])
+        main(["import", str(log), str(tmp_path / "new" / "folder"), *options.split()])
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_folder_that_cannot_be_written_is_refused_and_nothing_is_left(tmp_path: Path):
+    log = rows("t,x,y")(tmp_path)
+    with pytest.raises(InputError, match=r"folder cannot be written .* choose another"):
+        main(["import", str(log), str(log / "folder")])
+    assert [*tmp_path.iterdir()] == [log]
 
 
 WRONG = {

@@ -1,6 +1,5 @@
 """Logs of every kind that is read become the same folder of a person's own table."""
 
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -81,6 +80,13 @@ def test_poses_of_a_bag_become_demonstrations_cut_by_stops(tmp_path: Path, kind:
         demos = demos[demos["t"].between(2 - 1e-6, 4)].assign(t=lambda rows: rows["t"] - 2)
     assert_is_hand(demos)
     assert set(demos["valid"]) == {""} and set(demos["user"]) == {"me"}
+
+
+def test_a_bag_in_millimetres_is_told_by_the_size_of_its_paths(tmp_path: Path):
+    entries = [(t, "/odom", bags.odometry(t, 1000 * x, 1000 * y)) for t, x, y in hand()]
+    demos, folder = imported(bags.write(tmp_path / "bag", entries))
+    assert_is_hand(demos)
+    assert yaml.safe_load((folder / "table.yaml").read_text())["import"]["unit"] == "mm"
 
 
 def test_poses_follow_a_chain_of_transforms_that_moves(tmp_path: Path):
@@ -238,11 +244,3 @@ def test_a_folder_that_holds_anything_is_left_as_it_is(tmp_path: Path):
     with pytest.raises(InputError, match="move the rest away"):
         imported(log)
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-
-
-def test_a_missing_extra_is_named_with_the_command_that_installs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    log = bags.write(tmp_path / "bag", [(0, "/hand", bags.posed(0, 0, 0))])
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    monkeypatch.delitem(sys.modules, "pipeline.own.importing.bags", raising=False)
-    with pytest.raises(InputError, match=r"pip install 'causal-specifications\[import\]'"):
-        imported(log)

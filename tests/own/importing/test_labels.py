@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
+from pipeline.runtime.errors import InputError
 from tests.own.importing import bags
 from tests.own.importing.test_import import assert_is_hand, hand, imported, write_csv
 
@@ -44,6 +45,12 @@ def test_labels_come_from_a_csv_file_or_a_column(tmp_path: Path):
     again.write_text("\n".join(f"{line},{word}" for line, word in zip(lines, words, strict=True)))
     demos, _ = imported(again, "--label", "fine")
     assert demos.groupby("scene")["valid"].first().to_dict() == {"log-01": "true", "log-02": "false"}
+
+
+def test_a_label_file_that_names_a_scene_twice_is_refused(tmp_path: Path):
+    (tmp_path / "labels.csv").write_text("scene,valid\nlog-02,yes\nlog-02,no\n")
+    with pytest.raises(InputError, match="names log-02 twice"):
+        imported(write_csv(tmp_path / "log.csv", "plain"), "--label", str(tmp_path / "labels.csv"))
 
 
 def test_a_bag_of_another_writer_with_types_of_its_own_is_read(tmp_path: Path):

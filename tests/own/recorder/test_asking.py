@@ -12,6 +12,7 @@ import pytest
 
 from pipeline import library
 from pipeline.own import asked, fitting
+from pipeline.own.__main__ import main as own
 from pipeline.own.asked import Sitting, sittings
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.recorder import designing
@@ -105,6 +106,8 @@ def test_a_changed_folder_keeps_old_answers_apart(folder: Folder, tmp_path: Path
     add_kind(path, "cup,blue.png,0.10\ntray,blue.png,0.95\n")
     changed, _ = read_folder(path)
     assert changed is not None
+    (path / "asked" / "001.csv").write_text("trial,valid,response_ms\n0,True,900\n")
+    assert asked.given(folder).kept == [] and asked.given(changed) == ([], 1)
     asking = Asking(changed, None, 10.0)
     assert asking.apart == 1 and asking.begin(user="Ana")["answered"] == 0 and (path / "asked" / "002.json").is_file()
 
@@ -125,14 +128,34 @@ def test_folders_that_leave_nothing_to_ask_are_refused(tmp_path: Path):
         main([str(path), "--minutes", "0"])
     (path / "asked").mkdir()
     (path / "asked" / "001.json").write_text("{")
-    with pytest.raises(InputError, match=r"001\.json in asked/ cannot be read"):
+    with pytest.raises(InputError, match=r"001\.json or 001\.csv in asked/ cannot be read"):
         Sitting.read(path / "asked" / "001.json")
 
 
-def test_answers_that_a_spreadsheet_wrote_in_other_words_are_refused(folder: Folder):
-    (folder.path / "asked" / "001.csv").write_text("trial,valid,response_ms\n0,FALSCH,900\n")
-    with pytest.raises(InputError, match=r"001\.json in asked/ cannot be read"):
-        sittings(folder.path)
+@pytest.mark.parametrize(
+    ("rows", "why"),
+    [
+        ("0,FALSCH,900\n", "valid is 'FALSCH'"),
+        ("9999,True,9\n", "not of this sitting"),
+        ("0,True,9\n" * 2, "two answers"),
+    ],
+)
+def test_answers_that_somebody_edited_are_refused_before_anything_is_fitted(
+    folder: Folder, rows: str, why: str, capsys
+):
+    (folder.path / "asked" / "001.csv").write_text("trial,valid,response_ms\n" + rows)
+    with pytest.raises(InputError, match=rf"001\.json or 001\.csv in asked/ cannot be read .*{why}"):
+        own(["check", str(folder.path)])
+
+
+def test_what_a_system_lays_beside_the_pictures_changes_no_trial(folder: Folder):
+    others = [folder.path / "scenes" / "Thumbs.db", folder.path / "kinds" / "cup" / "._blue.png"]
+    before = asked.digest(folder.path)
+    for file in others:
+        file.write_bytes(b"x")
+    assert asked.digest(folder.path) == before
+    for file in others:
+        file.unlink()
 
 
 def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(folder: Folder, monkeypatch):
@@ -165,7 +188,7 @@ def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(
     assert placing.image("001-real", told["trial"]) != composited
     placing.answer(user="Ana", trial=told["trial"], valid=False, response_ms=900.0)
     assert Placing(folder, "Ana", 10.0).begin(user="Ana")["answered"] == 1, "after a kill"
-    made = asked.tables(folder, fitted)
+    made = asked.tables(folder, fitted, asked.given(folder).kept)
     assert made["asked_real"][["kind", "count", "share"]].to_numpy().tolist() == [["cup", 1, 1.0]]
     effects = made["asked_effects"].set_index("kind")
     assert effects["varied"].all()
@@ -180,7 +203,7 @@ def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(
         told = (asking := Asking(folder, "Ana", 10.0)).begin(user="Ana")
         for _ in range(answers):
             told = asking.answer(user="Ana", trial=told["trial"], valid=True, response_ms=900.0)
-        effects = asked.tables(folder, fitted)["asked_effects"]
+        effects = asked.tables(folder, fitted, asked.given(folder).kept)["asked_effects"]
         assert (effects["verdict"] == "undecided").all() and not effects["varied"].any()
 
 
