@@ -95,7 +95,7 @@ def test_every_profile_and_protocol_composes_for_graph_and_studies(choice: str):
     ("override", "names", "expected"),
     [
         ("n_demos=[0]", "parameter n_demos.0 is 0", "greater than or equal to 1"),
-        ("protocol.seeds=[0]", "protocol.seeds is [0]", "at least 2 seeds"),
+        ("protocol.seeds=[100]", "protocol.seeds is [100]", "at least 2 seeds"),
         ("seed=55", "parameter seed is 55", "null or one of protocol.seeds"),
         ("variants.full.kind=reward", "variants.full.kind is 'reward'", "'vae'"),
         ("train.steps=abc", "train.steps is 'abc'", "valid integer"),
