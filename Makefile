@@ -128,7 +128,7 @@ figures: $(READY)  ## every figure of the pages as a PDF, in pdf/
 tables: $(READY)  ## the paper's Table 2 with its bold cells, in LaTeX and Markdown, in tables/
 	python -m pipeline.report.exports tables
 
-readme: $(READY)  ## put the headlines of reports/metrics.json into the README
+readme: $(READY)  ## put the tables of reports/ into the README: curve, Table 2, headlines
 	python -m pipeline.report.exports readme
 
 docs: $(READY)  ## the reference of all modules, from their docstrings: api/index.html
