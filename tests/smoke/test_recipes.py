@@ -23,7 +23,8 @@ TINY = [
     "demos.per_scene=2", "demos.queries_seen=4", "demos.queries_new=4", "train.steps=4", "train.engine=reference",
     "clearance.steps=4", "irl.n_augmentations=1", "irl.steps.ranked=2",
     "repair.starts=1", "repair.steps=4", "repair.lattice_side=12",
-    "intervene.paths=4", "intervene.more_scenes=24", "record.map_side=6", "record.scenes=1", "record.training_scenes=1", "report.map_side=8",
+    "intervene.paths=4", "intervene.more_scenes=24",
+    "record.map_side=6", "record.scenes=1", "record.training_scenes=1", "report.map_side=8",
 ]  # fmt: skip
 MEMBERS = 4  # of the added variant
 
