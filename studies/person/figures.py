@@ -1,4 +1,4 @@
-"""What becomes of an effect of each size."""
+"""Draw what becomes of an effect of each size."""
 
 import numpy as np
 from matplotlib.figure import Figure
