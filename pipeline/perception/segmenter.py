@@ -4,7 +4,7 @@ It was trained once, without any user's labels, on composites (making/segmenter)
 """
 
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,6 +31,8 @@ OUTLINE = 0.35  # probability on an outline: at .5 some handles are missed (vali
 # Chosen on validation photographs; on path-traced validation tops the second view changes nothing
 NEAR_PX = 200  # a region larger than this is a large item: the image is segmented at half its size, too [pixels]
 LARGE_PX = 500  # of the regions at half the size, those larger than this are averaged [pixels of the image]
+# A close-up (docs/decisions/035-close-ups.md): more items than this, and a region larger than this at half the size
+MANY_PX, CLOSE_UP_PX = 400, 600
 STRIDE = 3  # median and spread are those of every third row and column
 Pictures = Float32[Array, "scene 100 100 3"]  # [1 = white]
 MIN_SPREAD = 4 / 255  # smallest standard deviation by which colours are divided [1 = white]: sensor noise
@@ -97,27 +99,46 @@ def segment(image: UInt8[Array, "100 100 3"], empty: UInt8[Array, "100 100 3"] |
     """Return the maps of one image; images are segmented one by one, so that they never change each other's bits.
 
     Where an item is large, the camera is nearer than in most of the training: the image is segmented at half its size,
-    too, and what both say is averaged in the large items that show there.
+    too, and what both say is averaged in the large items that show there. In a close-up without a picture of the empty
+    table, the surer of the two counts at each pixel, and both are means over all eight turned and mirrored images.
     """
     pictures = [image] if empty is None else [image, empty]
     outputs = _outputs(pictures)
-    if _large(outputs, NEAR_PX).any():
-        inner, edge = slice(SIDE // 4, SIDE // 4 + SIDE // 2), SIDE // 4
-        halves = [cv2.resize(picture, (SIDE // 2, SIDE // 2), interpolation=cv2.INTER_AREA) for picture in pictures]
-        far = _outputs([cv2.copyMakeBorder(half, edge, edge, edge, edge, cv2.BORDER_REPLICATE) for half in halves])
-        far = F.interpolate(far[None, :, inner, inner], (SIDE, SIDE), mode="bilinear")[0]
+    near = empty is None and outputs[0].sigmoid().sum() > MANY_PX
+    if near and _large(far := _far(pictures, every=True), CLOSE_UP_PX).any():
+        outputs = torch.maximum(_outputs(pictures, every=True), far)
+    elif _large(outputs, NEAR_PX).any():
+        far = _far(pictures)
         large = cv2.dilate(_large(far, LARGE_PX), np.ones((7, 7), np.uint8)) > 0  # with what is just beside them
         outputs = torch.where(torch.from_numpy(large), (outputs + far) / 2, outputs)
     item, between, see_through = outputs[: len(MAPS)].sigmoid().mul(255).round().div(255).numpy()
     return Maps(item, between, see_through, outputs[len(MAPS) :].softmax(0).numpy())
 
 
-def _outputs(pictures: list[UInt8[Array, "100 100 3"]]) -> Float[Tensor, "9 row column"]:
-    """Return the segmenter's outputs for a picture, followed or not by the empty table's, averaged over turns."""
+def _outputs(pictures: list[UInt8[Array, "100 100 3"]], every: bool = False) -> Float[Tensor, "9 row column"]:
+    """Return the segmenter's outputs for a picture, followed or not by the empty table's.
+
+    They are means over TURNS quarter turns; `every`: over all four and those of the mirrored picture.
+    """
     image, *empty = (picture[None] / np.float32(255) for picture in pictures)
     inputs = network_input(image, *empty or [None])
-    turned = [torch.rot90(read_segmenter()(torch.rot90(inputs, k, AXES)), -k, AXES)[0] for k in range(TURNS)]
-    return torch.stack(turned).mean(0)
+    views = [(k, False) for k in range(TURNS)] if not every else list(product(range(4), (False, True)))
+    return torch.stack([_view(inputs, *view) for view in views]).mean(0)
+
+
+def _view(inputs: Float[Tensor, "1 7 row column"], turns: int, mirrored: bool) -> Float[Tensor, "9 row column"]:
+    """Return the outputs of a picture that is turned and then mirrored, as they lie in the picture as it is."""
+    mirror = [-1] if mirrored else []
+    outputs = read_segmenter()(torch.rot90(inputs, turns, AXES).flip(mirror)).flip(mirror)
+    return torch.rot90(outputs, -turns, AXES)[0]
+
+
+def _far(pictures: list[UInt8[Array, "100 100 3"]], every: bool = False) -> Float[Tensor, "9 row column"]:
+    """Return the outputs for pictures at half their size, with their edges continued."""
+    inner, edge = slice(SIDE // 4, SIDE // 4 + SIDE // 2), SIDE // 4
+    halves = [cv2.resize(picture, (SIDE // 2, SIDE // 2), interpolation=cv2.INTER_AREA) for picture in pictures]
+    far = _outputs([cv2.copyMakeBorder(x, edge, edge, edge, edge, cv2.BORDER_REPLICATE) for x in halves], every)
+    return F.interpolate(far[None, :, inner, inner], (SIDE, SIDE), mode="bilinear")[0]
 
 
 def _large(outputs: Float[Tensor, "9 row column"], pixels: int) -> UInt8[Array, "row column"]:
