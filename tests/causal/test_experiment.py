@@ -24,9 +24,8 @@ from pipeline.causal.experiment import (
     design,
     due,
     local_verdicts,
-    lower_bound,
-    sign_flip,
 )
+from pipeline.causal.paired import lower_bound, sign_flip
 from studies.person.people import Person, sit
 
 KINDS = ["cup", "fork"]
@@ -87,13 +86,13 @@ def test_the_p_value_is_that_of_all_flips_of_scenes():
 
 
 def test_a_plan_asks_each_pair_once_under_each_condition_and_never_two_trials_of_a_scene_in_a_row():
-    plan = design(rng(1), KINDS, SCENES, extra=[0, 1, 2, 3])
+    plan = design(rng(1), KINDS, SCENES, extra=[0, 1, 2, 3, 4, 5])
     first, again = plan[plan["repeats"] < 0], plan[plan["repeats"] >= 0]
     near = first[first["near"] & (first["pair"] >= 0)].groupby(["condition", "pair"]).size()
     assert (near == 1).all() and {c: len(near[c]) for c in (UNCHANGED, *KINDS)} == dict.fromkeys(
         (UNCHANGED, *KINDS), 27
     )
-    assert (first["extra"] >= 0).sum() == 4 and (first.loc[first["extra"] >= 0, "stage"] == 0).all()
+    assert first.loc[first["extra"] >= 0].set_index("extra")["stage"].sort_index().tolist() == [0, 0, 0, 1, 1, 1]
     assert (first["scene"].diff() == 0).sum() <= 2, "only where a block ends"
     assert abs(len(again) / len(first) - REPEATED) < 0.02
     assert (again.index - again["repeats"] > LEAST_BETWEEN).all()
@@ -118,6 +117,17 @@ def test_a_kind_is_asked_until_its_verdict_stands_and_far_places_come_last():
     assert (table.loc[KINDS, "look"] == 1).all() and table.loc["cup", "pairs"] == LOOKS[0]
     assert set(plan.loc[list(answers), "stage"]) == {0, len(LOOKS)} and due(plan, answers) == []
     assert due(plan, {k: answers[k] for k in list(answers)[:7]})[0] == list(answers)[7], "an answer may be taken back"
+
+
+def test_sixty_trials_hold_a_verdict_and_a_repair_and_the_other_repairs_follow_the_first_look():
+    plan = design(rng(2), ["cup", "fork", "bowl", "plate"], SCENES + 1, extra=list(range(1, 19)))
+    answers = answer_all(plan, "cup", 60)
+    assert local_verdicts(plan, answers).set_index("kind").loc["cup", "verdict"] == "effect"
+    asked = plan.loc[list(answers)]
+    assert set(asked["extra"]) == {-1, 0, 1, 2} and (asked["repeats"] >= 0).any()
+    rest = plan.loc[list(answer_all(plan, "cup"))]
+    later = rest[rest["stage"] == 1]
+    assert set(later["extra"]) == {-1, *range(3, 18)} and set(later["condition"]) == {EXTRA, UNCHANGED}, "among others"
 
 
 @pytest.mark.parametrize("most", [0, 5])

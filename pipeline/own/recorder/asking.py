@@ -21,13 +21,14 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from pipeline.causal.experiment import due, pairs_within, smallest_settled
-from pipeline.own.asked import ANSWERS, ASKED, Sitting, digest, picture, prepare, sittings
+from pipeline.causal.experiment import EXTRA, STICKER, UNCHANGED, due, pairs_within, smallest_settled
+from pipeline.own.asked import ANSWERS, ASKED, Sitting, digest, picture, sittings
 from pipeline.own.files import KINDS
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX
 from pipeline.own.recorder.serve import BESIDE, application, parser, posted, serve
 from pipeline.own.recorder.storage import as_sent, write_durably
+from pipeline.own.trials import prepare
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import one_thread
 
@@ -44,6 +45,9 @@ class Asking:
         """Open a folder for one user, or for all with demonstrations; raise InputError for an unknown one."""
         if user is not None and user not in folder.users:
             raise InputError(f"there is no user {user!r}: expected one of {', '.join(folder.users)}, or no --user")
+        if taken := sorted({UNCHANGED, STICKER, EXTRA} & folder.cutouts.keys()):
+            why = "`ask` calls pictures of its own so: expected another name of the kind, in every file"
+            raise InputError(f"{KINDS}/{taken[0]}: {why}")
         self.folder, self.minutes, self.digest = folder, minutes, digest(folder.path)
         self.users = [user] if user else folder.users
         self.lock = Lock()

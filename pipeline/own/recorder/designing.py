@@ -12,12 +12,13 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.models.clearance.clearance import PATH_SAMPLES, ClearanceModel, passes
-from pipeline.own.asked import VALID, accepted_paths, footprint, picture, seen_with, sittings, with_places
+from pipeline.own.asked import VALID, footprint, picture, seen_with, sittings
 from pipeline.own.design import LAPSES, MARGINS_M, VARIANTS, Rules, by_family, evenly, of_members, question
 from pipeline.own.fitting import UserData, fit_on
 from pipeline.own.folder import Folder
 from pipeline.own.frame import CANVAS_PX
 from pipeline.own.recorder.asking import Asking, png
+from pipeline.own.trials import accepted_paths, with_places
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.runtime.writing import atomic_write
