@@ -73,9 +73,10 @@ class Asking:
         """Return a user's next trial, after writing the sitting if it is the first one."""
         if user not in self.users:
             raise InputError(f"there is no user {user!r} here: reload the page")
+        sitting = {} if user in self.kept else self.prepared(user)  # takes seconds, in which others may answer
         with self.lock:
             if user not in self.kept:
-                if crowded := (sitting := self.prepared(user)).get("no_room_for"):
+                if crowded := sitting.get("no_room_for"):
                     print(f"No free place near a path of {user} for: {', '.join(crowded)}", flush=True)
                 content = json.dumps(sitting, ensure_ascii=False, indent=1)
                 folder = self.folder.path / ASKED
