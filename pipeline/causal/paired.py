@@ -5,8 +5,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray as Array
-from scipy.special import gammaln
-from scipy.stats import t as student
+from scipy.special import gammaln, stdtrit
 
 DELTAS = np.linspace(-1, 1, 201)
 Change = Int[Array, " pair"]  # of the answer with the item over that without: -1, 0 or 1
@@ -28,14 +27,9 @@ def interval(change: Change, scene: Scenes, level: float) -> tuple[float, float]
     if counts.max() > 1 and len(counts) > 1:
         k, mean = len(counts), change.mean()
         error = np.sqrt(k / (k - 1) * ((sums - mean * counts) ** 2).sum()) / n
-        reach = _quantile(level, k - 1) * error
+        reach = stdtrit(k - 1, 1 - level) * error
         low, high = min(low, max(mean - reach, -1)), max(high, min(mean + reach, 1))
     return float(low), float(high)
-
-
-@lru_cache
-def _quantile(level: float, freedom: int) -> float:
-    return float(student.ppf(1 - level, freedom))
 
 
 @lru_cache(maxsize=100_000)

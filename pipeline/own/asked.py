@@ -179,12 +179,8 @@ def tables(
         effects = experiment.local_verdicts(sitting.plan, sitting.answers)
         effects["model_effect"] = [_model_effect(trials.assign(p=p), kind) for kind in effects["kind"]]
         effects["varied"] = len(set(sitting.answers.values())) > 1
-        ends = effects["effect"], effects["ci_low"], effects["ci_high"]
-        both = {"You": ends, "Your model": (effects["model_effect"],) * 3}
-        compared = [
-            pd.DataFrame({"kind": effects["kind"], "who": who, "effect": e, "ci_low": low, "ci_high": high})
-            for who, (e, low, high) in both.items()
-        ]
+        you, model = effects[["kind", "effect", "ci_low", "ci_high"]].assign(who="You"), effects["model_effect"]
+        compared = you, you.assign(who="Your model", effect=model, ci_low=model, ci_high=model)
         roles = trials.assign(role=[sitting.paths[name]["role"] for name in trials["path"]])
         roles = roles[(roles["repeats"] < 0) & roles["condition"].isin([UNCHANGED, EXTRA])]
         roles = roles.sort_values("role", key=lambda names: names.map([VALID, ORIGINAL, REPAIR, DETOUR].index))

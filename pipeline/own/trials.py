@@ -105,9 +105,9 @@ def repairs(folder: Folder, user: str, rng: np.random.Generator) -> dict[str, di
     turn = table.groupby("scene").cumcount()
     made: dict[str, dict[str, Any]] = {}
     for row in table.loc[turn.sort_values(kind="stable").index].head(REPAIRS).itertuples():
-        demos, key = folder.demos, {"user": user, "scene": row.scene, "demo": row.demo}
-        controls = folder.controls(demos[(demos[KEY] == pd.Series(key)[KEY]).all(axis=1)])
-        end = points[(points[KEY] == pd.Series(key)[KEY]).all(axis=1)]
+        key = pd.Series({"user": user, "scene": row.scene, "demo": row.demo})[KEY]
+        demo, end = (table[(table[KEY] == key).all(axis=1)] for table in (folder.demos, points))
+        controls = folder.controls(demo)
         if not len(controls) or not len(end):
             continue  # of a report on an earlier state of the folder
         lines = {ORIGINAL: folder.frame.to_table(bezier(controls[0], POINTS)), REPAIR: end[["x", "y"]].to_numpy()}

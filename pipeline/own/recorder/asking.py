@@ -64,10 +64,6 @@ class Asking:
         """Return further addresses."""
         return []
 
-    def overview(self) -> dict[str, Any]:
-        """Return who may be asked."""
-        return {"users": self.users, "minutes": self.minutes}
-
     @as_sent
     def begin(self, user: str) -> dict[str, Any]:
         """Return a user's next trial, after writing the sitting if it is the first one."""
@@ -179,7 +175,7 @@ def routes(asking: Asking) -> list[Route]:
     return [
         Route("/", lambda _: FileResponse(BESIDE / "ask.html")),
         Route("/trials/{number}/{trial:int}", image),
-        Route("/api/overview", lambda _: JSONResponse(asking.overview())),
+        Route("/api/overview", lambda _: JSONResponse({"users": asking.users})),
         posted("begin", asking.begin),
         posted("answer", asking.answer),
         posted("undo", asking.undo),

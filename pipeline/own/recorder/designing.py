@@ -1,7 +1,6 @@
 """The command `ask --design`: the table and path that best separate the rules a person may follow come next."""
 
 import json
-from collections.abc import Iterable
 from typing import Any
 
 import cv2
@@ -12,7 +11,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.models.clearance.clearance import PATH_SAMPLES, ClearanceModel, passes
-from pipeline.own.asked import VALID, footprint, picture, seen_with, sittings
+from pipeline.own.asked import VALID, Sitting, footprint, picture, seen_with
 from pipeline.own.design import LAPSES, MARGINS_M, VARIANTS, Rules, by_family, evenly, of_members, question
 from pipeline.own.fitting import UserData, fit_on
 from pipeline.own.folder import Folder
@@ -61,23 +60,23 @@ class Designing(Asking):
         common = {"user": user, "digest": self.digest, "seed": seed, "share_near": {}}
         return common | {"lapses": LAPSES, "paths": paths, "trials": trials}
 
-    def questions(self, rows: Iterable[Any], paths: dict[str, dict[str, Any]]) -> Float[Array, "row variant kind"]:
-        """Return what rows of a plan ask (`design.question`), in metres on the table."""
+    def questions(self, sitting: Sitting) -> Float[Array, "row variant kind"]:
+        """Return what the rows of a plan ask (`design.question`), in metres on the table."""
         frame, seen, made = self.folder.frame, self.folder.seen.objects, []
-        for row in rows:
+        for row in sitting.plan.itertuples():
             present = seen.present[row.scene]
             ends, radius = footprint(self.folder, row)
             ends = frame.to_table(np.concatenate([seen.ends[row.scene, present], ends[None]]))
             radii = np.append(seen.radius[row.scene, present], radius) / frame.scale
             kind = np.append(np.full(present.sum(), -1), self.names.index(row.condition))
-            path = evenly(np.array(paths[row.path]["points"], float), POINTS)
+            path = evenly(np.array(sitting.paths[row.path]["points"], float), POINTS)
             made.append(question(path, ends, radii, kind, len(self.names)))
         return np.stack(made)
 
     def start(self, user: str) -> None:
-        """Take a user's rules from a model fitted to all demonstrations, and from what `ask` was answered."""
+        """Take a user's rules from a model fitted to all demonstrations."""
         sitting, data = self.kept[user], UserData.of(user, self.folder)
-        plan, asked = sitting.plan, self.questions(sitting.plan.itertuples(), sitting.paths)
+        plan, asked = sitting.plan, self.questions(sitting)
         model = fit_on(data, np.arange(len(data.scenes)))
         assert isinstance(model, ClearanceModel)
         margins = np.full((len(self.names), len(MARGINS_M)), 1 / len(MARGINS_M))
@@ -86,13 +85,6 @@ class Designing(Asking):
             margins[self.names.index(str(kind))] = of_members(rows["clearance_m"].to_numpy(float), accepted)
         families = dict(zip(model.families, model.posterior().tolist(), strict=False))  # the last one is the constant
         rules = Rules.of(by_family(families), margins, stream("own", "rules", sitting.digest, user))
-        for earlier in sittings(self.folder.path).values():
-            trials = earlier.trials()
-            trials = trials[trials["condition"].isin(self.names)]
-            if earlier.user == user and earlier.digest == sitting.digest and len(trials):
-                accepted = rules.accept(self.questions(trials.itertuples(), earlier.paths))
-                for said, answer in zip(accepted, trials["answer"], strict=True):
-                    rules = rules.told(said, bool(answer))
         self.before[user], self.accepted[user] = rules, rules.accept(asked)
 
     def rules(self, user: str) -> Rules:
