@@ -68,14 +68,10 @@ class Sitting:
             what = f"{path.name} or {rows.name} in {ASKED}/ cannot be read ({error!r})"
             raise InputError(f"{what}: restore them, or move both away") from error
 
-    def trials(self) -> pd.DataFrame:
-        """Return the answered rows of the plan."""
-        return answered(self.plan, self.answers)
-
 
 def real_trials(sitting: Sitting) -> pd.DataFrame:
     """Return the answered trials with an item near the path, which `ask --real` asks again; no repeats."""
-    trials = sitting.trials()
+    trials = answered(sitting.plan, sitting.answers)
     kinds_only = ~trials["condition"].isin([UNCHANGED, STICKER, EXTRA])
     return trials[kinds_only & trials["near"].astype(bool) & (trials["repeats"] < 0)]
 
@@ -174,10 +170,12 @@ def tables(
     """
     parts = dict[str, list[pd.DataFrame]]()
     for sitting, second in answers:
-        trials = sitting.trials()
+        trials = answered(sitting.plan, sitting.answers)
         p = model_answers(folder, fitted[sitting.user], sitting, trials)
         effects = experiment.local_verdicts(sitting.plan, sitting.answers)
-        effects["model_effect"] = [_model_effect(trials.assign(p=p), kind) for kind in effects["kind"]]
+        first = trials.assign(p=p)[(trials["repeats"] < 0) & trials["near"] & (trials["pair"] >= 0)]
+        by_pair = first.pivot(index="pair", columns="condition", values="p").reindex(columns=[UNCHANGED, *effects.kind])
+        effects["model_effect"] = by_pair[effects["kind"]].sub(by_pair[UNCHANGED], axis=0).mean().to_numpy()
         effects["varied"] = len(set(sitting.answers.values())) > 1
         you, model = effects[["kind", "effect", "ci_low", "ci_high"]].assign(who="You"), effects["model_effect"]
         compared = you, you.assign(who="Your model", effect=model, ci_low=model, ci_high=model)
@@ -200,10 +198,3 @@ def tables(
         for name, table in made.items():
             parts.setdefault(f"asked_{name}", []).append(table.assign(user=sitting.user))
     return {name: pd.concat(several, ignore_index=True) for name, several in parts.items()}
-
-
-def _model_effect(trials: pd.DataFrame, kind: str) -> float:
-    """Return the model's mean change of P(valid) in the pairs of a kind; NaN without one."""
-    first = trials[(trials["repeats"] < 0) & trials["near"]]
-    p = {c: first[first["condition"] == c].set_index("pair")["p"] for c in (UNCHANGED, kind)}
-    return float((p[kind] - p[UNCHANGED]).mean())

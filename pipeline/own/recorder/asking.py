@@ -46,8 +46,7 @@ class Asking:
         if user is not None and user not in folder.users:
             raise InputError(f"there is no user {user!r}: expected one of {', '.join(folder.users)}, or no --user")
         if taken := sorted({UNCHANGED, STICKER, EXTRA} & folder.cutouts.keys()):
-            why = "`ask` calls pictures of its own so: expected another name of the kind, in every file"
-            raise InputError(f"{KINDS}/{taken[0]}: {why}")
+            raise InputError(f"{KINDS}/{taken[0]}: `ask` uses this name: expected another name, in every file")
         self.folder, self.minutes, self.digest = folder, minutes, digest(folder.path)
         self.users = [user] if user else folder.users
         self.lock = Lock()

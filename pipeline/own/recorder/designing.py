@@ -37,8 +37,7 @@ class Designing(Asking):
     def __init__(self, folder: Folder, user: str | None, minutes: float) -> None:
         """Open a folder, as `Asking`."""
         super().__init__(folder, user, minutes)
-        self.before: dict[str, Rules] = {}  # each user's rules before this sitting's answers
-        self.accepted: dict[str, Bool[Array, "trial rule"]] = {}
+        self.before: dict[str, tuple[Rules, Array]] = {}  # each user's rules before any answer, and what they accept
         self.names = sorted(folder.cutouts)
 
     def prepared(self, user: str) -> dict[str, Any]:
@@ -85,20 +84,20 @@ class Designing(Asking):
             margins[self.names.index(str(kind))] = of_members(rows["clearance_m"].to_numpy(float), accepted)
         families = dict(zip(model.families, model.posterior().tolist(), strict=False))  # the last one is the constant
         rules = Rules.of(by_family(families), margins, stream("own", "rules", sitting.digest, user))
-        self.before[user], self.accepted[user] = rules, rules.accept(asked)
+        self.before[user] = rules, rules.accept(asked)
 
     def rules(self, user: str) -> Rules:
         """Return what a user's answers leave of the rules."""
         if user not in self.before:
             self.start(user)
-        rules = self.before[user]
+        rules, accepted = self.before[user]
         for trial, answer in self.kept[user].answers.items():
-            rules = rules.told(self.accepted[user][trial], answer)
+            rules = rules.told(accepted[trial], answer)
         return rules
 
     def rows(self, user: str) -> list[int]:
         """Return the row whose answer tells most about the rules; none if no answer tells LEAST_BITS."""
-        bits = self.rules(user).information(self.accepted[user])
+        bits = self.rules(user).information(self.before[user][1])
         bits[list(self.kept[user].answers)] = 0
         return [int(bits.argmax())] if bits.max() >= LEAST_BITS else []
 
