@@ -64,11 +64,6 @@ class Subsets:
         arranged = np.moveaxis(np.asarray(values, dtype=np.float64)[..., self.index, :], -2, -1)  # question last
         return Removals(arranged[..., 0], arranged[..., 1], arranged[..., 2:])
 
-    def select_scenes(self, values: Array, scenes: list[int]) -> dict[str, Array]:
-        """Return the values for each question of these scenes, given one value (such as an image) per version."""
-        index = self.index[scenes]
-        return {"factual": values[index[:, 0]], "empty": values[index[:, 1]], "without": values[index[:, 2:]]}
-
 
 def item_subsets(present: Bool[Array, "scene slot"]) -> Subsets:
     """Return the versions needed for scenes with items in the slots that are `present`.

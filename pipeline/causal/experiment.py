@@ -19,16 +19,14 @@ person errs; a test computes it. The looks were chosen by such calculations, for
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
-from scipy.special import gammaln
 from scipy.stats import binomtest
-from scipy.stats import t as student
 
+from pipeline.causal.paired import Scenes, interval, sign_flip
 from pipeline.stats.tests import holm, verdict
 
 UNCHANGED, STICKER, EXTRA = "unchanged", "sticker", "extra"  # conditions beside the kinds
@@ -39,39 +37,37 @@ SPENT = 0.032, 0.009, 0.009  # of the two-sided level of effects; eight pairs th
 EQUIVALENCE_LEVEL = 0.042  # one-sided, at each look
 WITHOUT_STICKER = range(10, LOOKS[0])  # pairs: ten stickers do before the first look, unless an effect waits for more
 BLOCK = 4  # pairs that are mixed in random order: whoever stops early has whole pairs
+EARLY = 3  # extra trials before the first look: a repair, its original and a detour, within 60 trials of four kinds
 REPEATED, LEAST_BETWEEN = 0.1, 6  # share of trials that are asked again, and trials in between
 STOPS = "effect", "negligible"  # verdicts that stand
 DISTANCES_M = 0.0, 0.01, 0.02, 0.03, 0.04, 0.08  # lower ends of intervals of clearance
-DELTAS = np.linspace(-1, 1, 201)
 BOUNDS = "ci_low", "ci_high", "ci90_low", "ci90_high"
-Change = Int[Array, " pair"]  # of the answer with the item over that without: -1, 0 or 1
-Scenes = Int[Array, " pair"]
 
 
 def design(rng: np.random.Generator, kinds: Sequence[str], scene: Scenes, extra: Sequence[int] = ()) -> pd.DataFrame:
     """Return all trials in the order in which they may be asked; the rule of `due` skips some.
 
-    scene: of each of the last look's pairs; extra: scenes of trials that are asked in any case, mixed evenly into the
-    trials before the first look. Columns: stage (the look that the trial precedes; len(LOOKS) for far places), pair,
-    scene, condition (UNCHANGED, STICKER, a kind, or "extra"), near, extra (its position, or -1) and repeats (the row
-    that is asked again, or -1).
+    scene: of each of the last look's pairs; extra: scenes of trials that are asked in any case, the first EARLY of them
+    in the second block of pairs, the others after the first look. Columns: stage (the look that the trial precedes;
+    len(LOOKS) for far places), pair, scene, condition (UNCHANGED, STICKER, a kind, or "extra"), near, extra (its
+    position, or -1) and repeats (the row that is asked again, or -1).
     """
     rows: list[dict] = []
     stages = np.searchsorted(LOOKS, np.arange(len(scene)), side="right")
     parts = [(s, np.flatnonzero(stages == s)) for s in range(len(LOOKS))] + [(len(LOOKS), np.arange(len(scene)))]
     blocks = [(s, b.tolist()) for s, pairs in parts for b in np.array_split(pairs, max(1, len(pairs) // BLOCK))]
-    first = sum(stage == 0 for stage, _ in blocks)  # blocks before the first look
-    extras = [*np.array_split(rng.permutation(len(extra)), first), *[np.zeros(0, int)] * (len(blocks) - first)]
-    for (stage, block), among in zip(blocks, extras, strict=True):
+    later = next(i for i, (stage, _) in enumerate(blocks) if stage > 0)
+    extras = {1: range(len(extra))[:EARLY], later: range(len(extra))[EARLY:]}  # by block
+    for i, (stage, block) in enumerate(blocks):
         near = stage < len(LOOKS)
         conditions = (UNCHANGED, STICKER, *kinds) if near else kinds
         trials = [(p, c, -1) for p in block for c in conditions if c != STICKER or p not in WITHOUT_STICKER]
-        trials += [(-1, EXTRA, e) for e in among.tolist()]
+        trials += [(-1, EXTRA, e) for e in extras.get(i, [])]
         scenes = [int(scene[pair]) if pair >= 0 else int(extra[e]) for pair, _, e in trials]
         begin = len(rows)
-        for i in _apart(rng, scenes):
-            pair, condition, e = trials[i]
-            row = {"stage": stage, "pair": pair, "scene": scenes[i], "condition": condition, "near": near, "extra": e}
+        for t in _apart(rng, scenes):
+            pair, condition, e = trials[t]
+            row = {"stage": stage, "pair": pair, "scene": scenes[t], "condition": condition, "near": near, "extra": e}
             rows.append(row | {"repeats": -1})
         early = range(begin, max(begin + 1, len(rows) - LEAST_BETWEEN))
         count = min(len(early), int(REPEATED * len(trials) + rng.uniform()))
@@ -95,9 +91,9 @@ def _apart(rng: np.random.Generator, scenes: Sequence[int]) -> list[int]:
 def due(plan: pd.DataFrame, answers: Mapping[int, bool]) -> list[int]:
     """Return the rows of the plan that are to be asked next, in order, all of one stage; none if all is asked.
 
-    A kind is asked until its verdict stands, and unchanged pictures as long as any kind is. Stickers are asked before
-    the first look, and later as long as an open kind changes SMALLEST_LOCAL_EFFECT of the answers. Far places come
-    last, of all kinds. answers: by row of the plan.
+    A kind is asked until its verdict stands, and unchanged pictures as long as any kind is, or extra trials are.
+    Stickers are asked before the first look, and later as long as an open kind changes SMALLEST_LOCAL_EFFECT of the
+    answers. Far places come last, of all kinds. answers: by row of the plan.
     """
     stage, condition = plan["stage"].to_numpy(), plan["condition"].to_numpy()
     wanted = set(condition)
@@ -109,7 +105,8 @@ def due(plan: pd.DataFrame, answers: Mapping[int, bool]) -> list[int]:
         if step < len(LOOKS) - 1:
             table = local_verdicts(plan, answers, step)
             table = table[~table["verdict"].isin(STOPS) & (table["kind"] != STICKER)]
-            wanted = {*table["kind"], UNCHANGED} if len(table) else set()
+            mixed = len(table) or EXTRA in condition[stage == step + 1]  # extra trials come among unchanged ones
+            wanted = {*table["kind"], UNCHANGED, EXTRA} if mixed else set()
             if (table["effect"].abs() >= SMALLEST_LOCAL_EFFECT).any():
                 wanted.add(STICKER)
     return []
@@ -175,78 +172,6 @@ def _effects(
         unproven = word in ("effect", "present") and p >= SPENT[look]
         row |= {"p_holm": p, "verdict": "undecided" if unproven or not varied else word}
     return rows
-
-
-def interval(change: Change, scene: Scenes, level: float) -> tuple[float, float]:
-    """Return bounds of the mean change, each one-sided at `level`: exact over pairs and, if scenes repeat, over scenes.
-
-    Pairs of one scene depend on one another. Then the bounds are at least as wide as Student's over scenes, of a ratio
-    (Cochran, 1977, Chapter 6). Without a pair they are -1 and 1.
-    """
-    n, plus, minus = len(change), int((change > 0).sum()), int((change < 0).sum())
-    if not n:
-        return -1.0, 1.0
-    low, high = lower_bound(plus, minus, n, level), -lower_bound(minus, plus, n, level)
-    counts = np.bincount(scene)
-    counts, sums = counts[counts > 0], np.bincount(scene, change)[counts > 0]
-    if counts.max() > 1 and len(counts) > 1:
-        k, mean = len(counts), change.mean()
-        error = np.sqrt(k / (k - 1) * ((sums - mean * counts) ** 2).sum()) / n
-        reach = _quantile(level, k - 1) * error
-        low, high = min(low, max(mean - reach, -1)), max(high, min(mean + reach, 1))
-    return float(low), float(high)
-
-
-@lru_cache
-def _quantile(level: float, freedom: int) -> float:
-    return float(student.ppf(1 - level, freedom))
-
-
-@lru_cache(maxsize=100_000)
-def lower_bound(plus: int, minus: int, n: int, level: float) -> float:
-    """Return the exact one-sided lower bound of E[change] where `plus` of n independent changes are 1, `minus` -1.
-
-    It inverts the unconditional test with the score statistic (Tango, 1998), whose p-value is the largest over the
-    share of changes (Hsueh, Liu and Chen, 2001). Bounds are interpolated in steps of .01.
-    """
-    p = _p_values(n)[plus, minus]
-    first = int((p > level).argmax())
-    if first == 0:
-        return -1.0
-    share = (level - p[first - 1]) / (p[first] - p[first - 1])
-    return float(DELTAS[first - 1] + share * (DELTAS[first] - DELTAS[first - 1]))
-
-
-@lru_cache(maxsize=256)
-def _p_values(n: int) -> Float[Array, "plus minus delta"]:
-    """Return the p-value of E[change] <= delta for each outcome of n changes, against greater ones."""
-    plus, minus = np.array([(i, j) for i in range(n + 1) for j in range(n + 1 - i)]).T
-    ways = gammaln(n + 1) - gammaln(plus + 1) - gammaln(minus + 1) - gammaln(n - plus - minus + 1)
-    p = np.ones((n + 1, n + 1, len(DELTAS)))
-    for k, delta in enumerate(DELTAS):
-        b, c = -plus - minus + (2 * n - plus + minus) * delta, -minus * delta * (1 - delta)
-        q = (np.sqrt(np.maximum(b**2 - 8 * n * c, 0)) - b) / (4 * n)  # likeliest P(change = -1) under this delta
-        variance = n * (2 * q + delta * (1 - delta))
-        z = ((plus - minus - n * delta) / np.sqrt(np.maximum(variance, 1e-12))).round(9)
-        shares = np.linspace(max(0, -delta), (1 - delta) / 2, 31)  # of changes to -1
-        logs = np.log(np.maximum([shares + delta, shares, 1 - 2 * shares - delta], 1e-300))
-        chance = np.exp(ways[:, None] + np.stack([plus, minus, n - plus - minus], -1) @ logs)  # (outcome, share)
-        order = np.argsort(-z, kind="stable")
-        last = np.searchsorted(-z[order], -z[order], side="right") - 1  # of the outcomes that tie
-        p[plus[order], minus[order], k] = chance[order].cumsum(0)[last].max(1)
-    return p
-
-
-def sign_flip(change: Change, scene: Scenes) -> float:
-    """Return the exact two-sided p-value of no effect: the signs of the scenes' sums of changes are exchangeable."""
-    sums = np.bincount(scene, change).astype(int) if len(change) else np.zeros(0, int)
-    chance = np.ones(1)  # of each sum of the flipped values, from -reach to reach
-    for value in np.abs(sums[sums != 0]):
-        step = np.zeros(2 * value + 1)
-        step[[0, -1]] = 0.5
-        chance = np.convolve(chance, step)
-    reach = len(chance) // 2
-    return float(min(1.0, chance[np.abs(np.arange(-reach, reach + 1)) >= abs(sums.sum())].sum()))
 
 
 def average_effects(plan: pd.DataFrame, answers: Mapping[int, bool], share_near: Mapping[str, float]) -> pd.DataFrame:

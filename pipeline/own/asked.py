@@ -1,4 +1,4 @@
-"""Plan what `ask` shows a person of their own pictures, read their answers, and compare them with their model's.
+"""Read what `ask` asked a person about their own pictures and what they answered, and compare it with their model.
 
 A sitting is two files in FOLDER/asked/: NUMBER.json, written before the first trial, holds the questions, the rule of
 stopping and every trial in its order; NUMBER.csv a row for each answer.
@@ -17,39 +17,21 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 
 from pipeline.causal import experiment
-from pipeline.causal.experiment import EXTRA, LOOKS, NEAR_M, STICKER, UNCHANGED, answered
+from pipeline.causal.experiment import EXTRA, STICKER, UNCHANGED, answered
 from pipeline.own import files, kinds
-from pipeline.own.demonstrations import read_samples
-from pipeline.own.files import CUTOUTS, KEY, KINDS, SCENES, SETTINGS, Faults
+from pipeline.own.files import CUTOUTS, KINDS, SCENES, SETTINGS
 from pipeline.own.fitting import Fitted
 from pipeline.own.folder import Folder
 from pipeline.own.frame import outline
 from pipeline.perception.objects import Objects
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION
-from pipeline.world.bezier import bezier
-from pipeline.world.layout import segment_distance
-from pipeline.world.rules import line_clearance
 
 ASKED, ANSWERS = "asked", ["trial", "valid", "response_ms"]  # folder; columns of a sitting's csv
 WORDS = {"true": True, "false": False}  # a spreadsheet may write others
 REAL = "-real"  # behind the number of a sitting: answers to its trials about real items, and their photographs
-POINTS = 60  # of a path that is shown
 STICKER_M, STICKER_PX, STICKER_RGBA = 0.07, 96, (236, 214, 96, 255)  # a flat round sticker: diameter, and picture
-QUARTERS = 4  # of NEAR_M over which near places are spread evenly
-MOST_PLACES = 200  # free places that are tried for one trial
-REPAIRS = 6  # invalid demonstrations whose repair, detour and original are judged
-DETOURS = 256  # random paths of which the detour keeps farthest from everything
-WIDE_M = 0.3  # how far they bend, as kinds.SPREAD_M
 REPAIR, ORIGINAL, DETOUR, VALID = "repair", "unrepaired", "detour", "valid"
-QUESTIONS = [
-    "Local effect: does an item whose edge is within 4 cm of a path that the person accepts change the answer?",
-    "Average effect: does an item at a random free place beside the path change it?",
-    "How often do the person and the model agree, and the person with themself?",
-    "Which repaired paths does the person accept?",
-]
-Path2 = Float[Array, "point 2"]  # [m on the table]
 
 
 @dataclass(frozen=True)
@@ -86,14 +68,10 @@ class Sitting:
             what = f"{path.name} or {rows.name} in {ASKED}/ cannot be read ({error!r})"
             raise InputError(f"{what}: restore them, or move both away") from error
 
-    def trials(self) -> pd.DataFrame:
-        """Return the answered rows of the plan."""
-        return answered(self.plan, self.answers)
-
 
 def real_trials(sitting: Sitting) -> pd.DataFrame:
     """Return the answered trials with an item near the path, which `ask --real` asks again; no repeats."""
-    trials = sitting.trials()
+    trials = answered(sitting.plan, sitting.answers)
     kinds_only = ~trials["condition"].isin([UNCHANGED, STICKER, EXTRA])
     return trials[kinds_only & trials["near"].astype(bool) & (trials["repeats"] < 0)]
 
@@ -111,149 +89,11 @@ def sittings(path: Path, suffix: str = "") -> dict[Path, Sitting]:
     return {file: Sitting.read(file) for file in sorted((path / ASKED).glob(f"[0-9][0-9][0-9]{suffix}.json"))}
 
 
-def prepare(folder: Folder, user: str, seed: str) -> dict[str, Any]:
-    """Return a sitting to write: its questions, rule, paths and trials. Raise InputError if nothing can be asked."""
-    rng, paths = stream("own", "ask", seed), accepted_paths(folder, user)
-    if not paths:
-        raise InputError(f"{user} has no valid demonstration: record some first (python -m pipeline.own record)")
-    scenes = sorted({path["scene"] for path in paths.values()})
-    by_scene = [rng.permutation([n for n, path in paths.items() if path["scene"] == s]).tolist() for s in scenes]
-    rounds = [rng.permutation(len(scenes)) for _ in range(-(-LOOKS[-1] // len(scenes)))]
-    pairs = np.concatenate(rounds)[: LOOKS[-1]]
-    shown = [by_scene[s][i // len(scenes) % len(by_scene[s])] for i, s in enumerate(pairs)]
-    extras = repairs(folder, user, rng)
-    names = [kind for kind in sorted(folder.cutouts) if kind not in (UNCHANGED, STICKER, EXTRA)]
-    index = [folder.scenes.index(scenes[s]) for s in pairs]
-    plan = experiment.design(rng, names, np.array(index), [folder.scenes.index(e["scene"]) for e in extras.values()])
-    plan["path"] = [shown[p] if p >= 0 else list(extras)[e] for p, e in zip(plan["pair"], plan["extra"], strict=True)]
-    paths |= extras
-    plan, share_near = with_places(rng, folder, plan, {name: np.array(path["points"]) for name, path in paths.items()})
-    asked = set(plan["condition"]) - {UNCHANGED, STICKER}
-    if not asked:
-        raise InputError(f"there is nothing to ask {user}: add cut-outs to {KINDS}/ that have room beside valid paths")
-    return {
-        "user": user,
-        "digest": digest(folder.path),
-        "seed": seed,
-        "questions": QUESTIONS,
-        "rule": {
-            "looks_after_pairs": LOOKS,
-            "level_of_effects": experiment.SPENT,
-            "level_of_equivalence": experiment.EQUIVALENCE_LEVEL,
-            "smallest_local_effect": experiment.SMALLEST_LOCAL_EFFECT,
-            "near_m": NEAR_M,
-            "stops": "a kind is asked until its verdict is effect or negligible",
-        },
-        "no_room_for": sorted(set(names) - asked),
-        "share_near": share_near,
-        "paths": {name: paths[name] for name in sorted(set(plan["path"]))},
-        "trials": json.loads(plan.to_json(orient="records", double_precision=6)),
-    }
-
-
-def accepted_paths(folder: Folder, user: str) -> dict[str, dict[str, Any]]:
-    """Return the demonstrations that a user called valid, as drawn: scene, role and points [m on the table] by name."""
-    samples = read_samples(folder.path, folder.scenes, files.read_settings(folder.path), Faults())
-    assert samples is not None  # the folder was read without a fault
-    rows = samples[(samples["user"] == user) & samples["valid"]]
-    return {
-        f"{VALID} {scene} {demo}": {"scene": scene, "role": VALID, "points": thinned(part[["x", "y"]].to_numpy(float))}
-        for (scene, _, demo), part in rows.groupby(KEY, sort=True)
-    }
-
-
-def thinned(points: Path2) -> list[list[float]]:
-    """Return a path's points, at most POINTS, with its ends."""
-    index = np.unique(np.linspace(0, len(points) - 1, POINTS).round().astype(int))
-    return points[index].round(4).tolist()
-
-
-def repairs(folder: Folder, user: str, rng: np.random.Generator) -> dict[str, dict[str, Any]]:
-    """Return repairs of the last report with their originals, and a wide detour in the same scene; none without one."""
-    file = folder.path / "report" / "tables" / "repaired.parquet"
-    if not file.is_file():
-        return {}
-    table, points = pd.read_parquet(file).dropna(), pd.read_parquet(file.with_name("repaired_paths.parquet"))
-    table = table[(table["user"] == user) & table["scene"].isin(folder.scenes) & (table["moved_m"] > 0)]
-    table = table.sample(frac=1, random_state=int(rng.integers(2**31))).sort_values("scene", kind="stable")
-    turn = table.groupby("scene").cumcount()
-    made: dict[str, dict[str, Any]] = {}
-    for row in table.loc[turn.sort_values(kind="stable").index].head(REPAIRS).itertuples():
-        demos, key = folder.demos, {"user": user, "scene": row.scene, "demo": row.demo}
-        controls = folder.controls(demos[(demos[KEY] == pd.Series(key)[KEY]).all(axis=1)])
-        end = points[(points[KEY] == pd.Series(key)[KEY]).all(axis=1)]
-        if not len(controls) or not len(end):
-            continue  # of a report on an earlier state of the folder
-        lines = {ORIGINAL: folder.frame.to_table(bezier(controls[0], POINTS)), REPAIR: end[["x", "y"]].to_numpy()}
-        lines[DETOUR] = detour(folder, folder.scenes.index(row.scene), controls[0], rng)
-        for role, line in lines.items():
-            made[f"{role} {row.scene} {row.demo}"] = {"scene": row.scene, "role": role, "points": thinned(line)}
-    return made
-
-
-def detour(folder: Folder, scene: int, controls: Float[Array, "control 2"], rng: np.random.Generator) -> Path2:
-    """Return the path between these ends [m of the model], on the table, that keeps farthest from what is seen."""
-    bent = kinds.bent(rng, np.repeat(controls[None], DETOURS, axis=0), WIDE_M)
-    lines = folder.frame.to_table(bezier(bent, POINTS))
-    inside = ((lines > 0) & (lines < folder.frame.size_m)).all((1, 2))
-    lines = lines[inside] if inside.any() else lines
-    seen = folder.seen.objects[[scene]]
-    away = line_clearance(kinds.capsules(seen.ends, seen.radius, seen.present), folder.frame.to_model(lines)[None])
-    return lines[away[0].min(-1).argmax()]
-
-
 def sticker() -> UInt8[Array, "row column 4"]:
     """Return the cut-out of a flat, round sticker."""
     rows, columns = np.mgrid[:STICKER_PX, :STICKER_PX] - (STICKER_PX - 1) / 2
     inside = np.hypot(rows, columns) < STICKER_PX / 2 - 1
     return np.where(inside[..., None], np.array(STICKER_RGBA), 0).astype(np.uint8)
-
-
-def with_places(
-    rng: np.random.Generator, folder: Folder, plan: pd.DataFrame, paths: Mapping[str, Path2]
-) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return a plan with a place for each added item, and for each kind the share of free places that are near.
-
-    Trials whose item finds no place are left out. Places are random free ones beside the path. Near ones are spread
-    evenly over QUARTERS of NEAR_M where there is room. A repeat has the place of its original.
-    """
-    cutouts = {**folder.cutouts, STICKER: [(sticker(), STICKER_M)]}
-    capsules = {name: [kinds.footprint(*cutout) for cutout in several] for name, several in cutouts.items()}
-    path_ends = kinds.ends_of_paths(folder)
-    objects, counts = folder.seen.objects, {name: np.zeros(2) for name in folder.cutouts}
-    places: list[tuple] = []
-    for row in plan.itertuples():
-        if row.repeats >= 0 or row.condition not in capsules:
-            places.append(places[row.repeats] if row.repeats >= 0 else (-1, np.nan, np.nan, np.nan, np.nan))
-            continue
-        which = row.pair % len(capsules[row.condition])
-        capsule, line = capsules[row.condition][which], folder.frame.to_model(paths[row.path])
-        pieces, free = np.stack([line[:-1], line[1:]], axis=1), path_ends[folder.scenes[row.scene]]
-        quarter = (row.pair + sorted(capsules).index(row.condition)) % QUARTERS
-        best: tuple = ()
-        for _ in range(MOST_PLACES):
-            place = kinds.free_place(rng, folder.frame, objects, row.scene, capsule, free)
-            if place is None:
-                break
-            ends = kinds.ends_of(folder.frame, capsule, *place)
-            clearance = float(segment_distance(pieces, ends).min()) / folder.frame.scale - capsule.radius
-            if clearance < 0:
-                continue
-            near = clearance <= NEAR_M
-            if row.condition in counts:
-                counts[row.condition] += [near, 1]
-            if near == row.near:
-                best = (which, *map(float, place[0]), place[1], clearance)
-                if not near or min(int(clearance / NEAR_M * QUARTERS), QUARTERS - 1) == quarter:
-                    break
-        places.append(best)
-    plan[["cutout", "x", "y", "angle", "clearance_m"]] = [place or (-2, *[np.nan] * 4) for place in places]
-    kept = plan["cutout"] > -2
-    number = kept.cumsum() - 1
-    plan["repeats"] = [int(number[r]) if r >= 0 else -1 for r in plan["repeats"]]
-    plan = plan[kept].reset_index(drop=True).astype({"cutout": int})
-    shown = set(plan["condition"])
-    return plan, {n: float(near / total) for n, (near, total) in counts.items() if total and n in shown}
 
 
 def picture(folder: Folder, row: Any) -> UInt8[Array, "side side 3"]:
@@ -330,17 +170,15 @@ def tables(
     """
     parts = dict[str, list[pd.DataFrame]]()
     for sitting, second in answers:
-        trials = sitting.trials()
+        trials = answered(sitting.plan, sitting.answers)
         p = model_answers(folder, fitted[sitting.user], sitting, trials)
         effects = experiment.local_verdicts(sitting.plan, sitting.answers)
-        effects["model_effect"] = [_model_effect(trials.assign(p=p), kind) for kind in effects["kind"]]
+        first = trials.assign(p=p)[(trials["repeats"] < 0) & trials["near"] & (trials["pair"] >= 0)]
+        by_pair = first.pivot(index="pair", columns="condition", values="p").reindex(columns=[UNCHANGED, *effects.kind])
+        effects["model_effect"] = by_pair[effects["kind"]].sub(by_pair[UNCHANGED], axis=0).mean().to_numpy()
         effects["varied"] = len(set(sitting.answers.values())) > 1
-        ends = effects["effect"], effects["ci_low"], effects["ci_high"]
-        both = {"You": ends, "Your model": (effects["model_effect"],) * 3}
-        compared = [
-            pd.DataFrame({"kind": effects["kind"], "who": who, "effect": e, "ci_low": low, "ci_high": high})
-            for who, (e, low, high) in both.items()
-        ]
+        you, model = effects[["kind", "effect", "ci_low", "ci_high"]].assign(who="You"), effects["model_effect"]
+        compared = you, you.assign(who="Your model", effect=model, ci_low=model, ci_high=model)
         roles = trials.assign(role=[sitting.paths[name]["role"] for name in trials["path"]])
         roles = roles[(roles["repeats"] < 0) & roles["condition"].isin([UNCHANGED, EXTRA])]
         roles = roles.sort_values("role", key=lambda names: names.map([VALID, ORIGINAL, REPAIR, DETOUR].index))
@@ -360,10 +198,3 @@ def tables(
         for name, table in made.items():
             parts.setdefault(f"asked_{name}", []).append(table.assign(user=sitting.user))
     return {name: pd.concat(several, ignore_index=True) for name, several in parts.items()}
-
-
-def _model_effect(trials: pd.DataFrame, kind: str) -> float:
-    """Return the model's mean change of P(valid) in the pairs of a kind; NaN without one."""
-    first = trials[(trials["repeats"] < 0) & trials["near"]]
-    p = {c: first[first["condition"] == c].set_index("pair")["p"] for c in (UNCHANGED, kind)}
-    return float((p[kind] - p[UNCHANGED]).mean())

@@ -85,7 +85,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         for variant, a in {"truth": truth[user], **{v: a.of_seed(0) for v, a in answers[user].items()}}.items()
     ]
     write_table(out_dir / "examples.csv", pd.concat(rows) if rows else pd.DataFrame({"example": []}))
-    write_arrays(out_dir / "examples.npz", subsets.select_scenes(images, [scene for scene, _ in chosen.values()]))
+    shown = images[subsets.index[[scene for scene, _ in chosen.values()]]]  # (example, question, ...)
+    write_arrays(out_dir / "examples.npz", {"factual": shown[:, 0], "empty": shown[:, 1], "without": shown[:, 2:]})
 
 
 def read_noise(cfg: DictConfig) -> Values:

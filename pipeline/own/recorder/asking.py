@@ -21,13 +21,14 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from pipeline.causal.experiment import due, pairs_within, smallest_settled
-from pipeline.own.asked import ANSWERS, ASKED, Sitting, digest, picture, prepare, sittings
+from pipeline.causal.experiment import EXTRA, STICKER, UNCHANGED, due, pairs_within, smallest_settled
+from pipeline.own.asked import ANSWERS, ASKED, Sitting, digest, picture, sittings
 from pipeline.own.files import KINDS
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX
 from pipeline.own.recorder.serve import BESIDE, application, parser, posted, serve
 from pipeline.own.recorder.storage import as_sent, write_durably
+from pipeline.own.trials import prepare
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import one_thread
 
@@ -44,6 +45,8 @@ class Asking:
         """Open a folder for one user, or for all with demonstrations; raise InputError for an unknown one."""
         if user is not None and user not in folder.users:
             raise InputError(f"there is no user {user!r}: expected one of {', '.join(folder.users)}, or no --user")
+        if taken := sorted({UNCHANGED, STICKER, EXTRA} & folder.cutouts.keys()):
+            raise InputError(f"{KINDS}/{taken[0]}: `ask` uses this name: expected another name, in every file")
         self.folder, self.minutes, self.digest = folder, minutes, digest(folder.path)
         self.users = [user] if user else folder.users
         self.lock = Lock()
@@ -60,18 +63,15 @@ class Asking:
         """Return further addresses."""
         return []
 
-    def overview(self) -> dict[str, Any]:
-        """Return who may be asked."""
-        return {"users": self.users, "minutes": self.minutes}
-
     @as_sent
     def begin(self, user: str) -> dict[str, Any]:
         """Return a user's next trial, after writing the sitting if it is the first one."""
         if user not in self.users:
             raise InputError(f"there is no user {user!r} here: reload the page")
+        sitting = {} if user in self.kept else self.prepared(user)  # takes seconds, in which others may answer
         with self.lock:
             if user not in self.kept:
-                if crowded := (sitting := self.prepared(user)).get("no_room_for"):
+                if crowded := sitting.get("no_room_for"):
                     print(f"No free place near a path of {user} for: {', '.join(crowded)}", flush=True)
                 content = json.dumps(sitting, ensure_ascii=False, indent=1)
                 folder = self.folder.path / ASKED
@@ -174,7 +174,7 @@ def routes(asking: Asking) -> list[Route]:
     return [
         Route("/", lambda _: FileResponse(BESIDE / "ask.html")),
         Route("/trials/{number}/{trial:int}", image),
-        Route("/api/overview", lambda _: JSONResponse(asking.overview())),
+        Route("/api/overview", lambda _: JSONResponse({"users": asking.users})),
         posted("begin", asking.begin),
         posted("answer", asking.answer),
         posted("undo", asking.undo),

@@ -1,7 +1,6 @@
 """The command `ask --design`: the table and path that best separate the rules a person may follow come next."""
 
 import json
-from collections.abc import Iterable
 from typing import Any
 
 import cv2
@@ -12,12 +11,13 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.models.clearance.clearance import PATH_SAMPLES, ClearanceModel, passes
-from pipeline.own.asked import VALID, accepted_paths, footprint, picture, seen_with, sittings, with_places
+from pipeline.own.asked import VALID, Sitting, footprint, picture, seen_with
 from pipeline.own.design import LAPSES, MARGINS_M, VARIANTS, Rules, by_family, evenly, of_members, question
 from pipeline.own.fitting import UserData, fit_on
 from pipeline.own.folder import Folder
 from pipeline.own.frame import CANVAS_PX
 from pipeline.own.recorder.asking import Asking, png
+from pipeline.own.trials import accepted_paths, with_places
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.runtime.writing import atomic_write
@@ -37,8 +37,7 @@ class Designing(Asking):
     def __init__(self, folder: Folder, user: str | None, minutes: float) -> None:
         """Open a folder, as `Asking`."""
         super().__init__(folder, user, minutes)
-        self.before: dict[str, Rules] = {}  # each user's rules before this sitting's answers
-        self.accepted: dict[str, Bool[Array, "trial rule"]] = {}
+        self.before: dict[str, tuple[Rules, Array]] = {}  # each user's rules before any answer, and what they accept
         self.names = sorted(folder.cutouts)
 
     def prepared(self, user: str) -> dict[str, Any]:
@@ -60,23 +59,23 @@ class Designing(Asking):
         common = {"user": user, "digest": self.digest, "seed": seed, "share_near": {}}
         return common | {"lapses": LAPSES, "paths": paths, "trials": trials}
 
-    def questions(self, rows: Iterable[Any], paths: dict[str, dict[str, Any]]) -> Float[Array, "row variant kind"]:
-        """Return what rows of a plan ask (`design.question`), in metres on the table."""
+    def questions(self, sitting: Sitting) -> Float[Array, "row variant kind"]:
+        """Return what the rows of a plan ask (`design.question`), in metres on the table."""
         frame, seen, made = self.folder.frame, self.folder.seen.objects, []
-        for row in rows:
+        for row in sitting.plan.itertuples():
             present = seen.present[row.scene]
             ends, radius = footprint(self.folder, row)
             ends = frame.to_table(np.concatenate([seen.ends[row.scene, present], ends[None]]))
             radii = np.append(seen.radius[row.scene, present], radius) / frame.scale
             kind = np.append(np.full(present.sum(), -1), self.names.index(row.condition))
-            path = evenly(np.array(paths[row.path]["points"], float), POINTS)
+            path = evenly(np.array(sitting.paths[row.path]["points"], float), POINTS)
             made.append(question(path, ends, radii, kind, len(self.names)))
         return np.stack(made)
 
     def start(self, user: str) -> None:
-        """Take a user's rules from a model fitted to all demonstrations, and from what `ask` was answered."""
+        """Take a user's rules from a model fitted to all demonstrations."""
         sitting, data = self.kept[user], UserData.of(user, self.folder)
-        plan, asked = sitting.plan, self.questions(sitting.plan.itertuples(), sitting.paths)
+        plan, asked = sitting.plan, self.questions(sitting)
         model = fit_on(data, np.arange(len(data.scenes)))
         assert isinstance(model, ClearanceModel)
         margins = np.full((len(self.names), len(MARGINS_M)), 1 / len(MARGINS_M))
@@ -85,27 +84,20 @@ class Designing(Asking):
             margins[self.names.index(str(kind))] = of_members(rows["clearance_m"].to_numpy(float), accepted)
         families = dict(zip(model.families, model.posterior().tolist(), strict=False))  # the last one is the constant
         rules = Rules.of(by_family(families), margins, stream("own", "rules", sitting.digest, user))
-        for earlier in sittings(self.folder.path).values():
-            trials = earlier.trials()
-            trials = trials[trials["condition"].isin(self.names)]
-            if earlier.user == user and earlier.digest == sitting.digest and len(trials):
-                accepted = rules.accept(self.questions(trials.itertuples(), earlier.paths))
-                for said, answer in zip(accepted, trials["answer"], strict=True):
-                    rules = rules.told(said, bool(answer))
-        self.before[user], self.accepted[user] = rules, rules.accept(asked)
+        self.before[user] = rules, rules.accept(asked)
 
     def rules(self, user: str) -> Rules:
         """Return what a user's answers leave of the rules."""
         if user not in self.before:
             self.start(user)
-        rules = self.before[user]
+        rules, accepted = self.before[user]
         for trial, answer in self.kept[user].answers.items():
-            rules = rules.told(self.accepted[user][trial], answer)
+            rules = rules.told(accepted[trial], answer)
         return rules
 
     def rows(self, user: str) -> list[int]:
         """Return the row whose answer tells most about the rules; none if no answer tells LEAST_BITS."""
-        bits = self.rules(user).information(self.accepted[user])
+        bits = self.rules(user).information(self.before[user][1])
         bits[list(self.kept[user].answers)] = 0
         return [int(bits.argmax())] if bits.max() >= LEAST_BITS else []
 

@@ -3,6 +3,7 @@
 import json
 import shutil
 from base64 import b64encode
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -124,6 +125,9 @@ def test_folders_that_leave_nothing_to_ask_are_refused(tmp_path: Path):
         Placing(folder, None, 10.0)
     with pytest.raises(InputError, match="no user 'Bob'"):
         Asking(folder, "Bob", 10.0)
+    for name in ("unchanged", "sticker", "extra"):
+        with pytest.raises(InputError, match=f"kinds/{name}: .*another name"):
+            Asking(replace(folder, cutouts={name: []}), None, 10.0)
     with pytest.raises(InputError, match="--minutes is 0"):
         main([str(path), "--minutes", "0"])
     (path / "asked").mkdir()
