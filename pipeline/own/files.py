@@ -63,7 +63,7 @@ class Faults(list[str]):
 
 def normal(name: str) -> str:
     """Return a name with single, plain spaces, composed accents and none of UNSEEN: names that look alike are one."""
-    return " ".join(unicodedata.normalize("NFC", name).translate(dict.fromkeys(map(ord, UNSEEN))).split())
+    return " ".join(unicodedata.normalize("NFC", name.translate(dict.fromkeys(map(ord, UNSEEN)))).split())
 
 
 def is_printable(name: str) -> bool:
