@@ -14,16 +14,18 @@ from typing import Any
 
 from pipeline.runtime.errors import InputError, reported
 
+IN_HOOKS = "GIT_QUARANTINE_PATH", "GIT_PROTOCOL_FROM_USER"  # of pushes and submodules: unlisted, they forbid clones
+
 
 @cache
 def _local_variables() -> tuple[str, ...]:
-    """Return the variables by which git names one repository, as git lists them."""
+    """Return the variables by which git names one repository, as git lists them, and IN_HOOKS."""
     command = ["git", "rev-parse", "--local-env-vars"]
     try:
         listed = subprocess.run(command, capture_output=True, encoding="utf-8", check=True)
     except FileNotFoundError as error:
         raise InputError("git is missing: apt-get install git") from error
-    return tuple(listed.stdout.split())
+    return *listed.stdout.split(), *IN_HOOKS
 
 
 def forget_repository() -> None:

@@ -50,6 +50,9 @@ def _compose(overrides: Sequence[str]) -> DictConfig:
     from hydra import initialize_config_dir
     from hydra.errors import HydraException
 
+    for entry in yaml.safe_load((CONF / "config.yaml").read_text(encoding="utf-8"))["defaults"]:
+        if isinstance(entry, dict) and not all(isinstance(name, str) for name in entry.values()):
+            raise InputError(f"conf/config.yaml: defaults have {entry}: put the name in quotes")  # Hydra leaves it out
     try:
         with initialize_config_dir(str(CONF), version_base="1.3"):
             cfg = hydra_compose("config", overrides=list(overrides))

@@ -103,6 +103,9 @@ def test_children_work_on_their_folder_whatever_repository_variables_name(tmp_pa
     for name, value in {"GIT_DIR": ".git", "GIT_WORK_TREE": ".", "GIT_INDEX_FILE": ".git/index"}.items():
         monkeypatch.setenv(name, str(tmp_path / "theirs" / value))
     monkeypatch.setenv("GIT_AUTHOR_NAME", "me")
+    monkeypatch.setenv("GIT_QUARANTINE_PATH", str(tmp_path))  # of a hook of a push
+    monkeypatch.setenv("GIT_PROTOCOL_FROM_USER", "0")  # of a hook of `git submodule update`
+    git(tmp_path, "clone", "--quiet", "mine", "clone")
     assert git(tmp_path / "mine", "symbolic-ref", "--short", "HEAD") == "mine\n"
     assert environment({"GIT_PREFIX": "x"}).keys() >= {"GIT_AUTHOR_NAME", "GIT_PREFIX"}
     assert not {"GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"} & environment().keys()

@@ -54,6 +54,14 @@ def test_overrides_are_kept_for_all_that_composes_conf_until_others_are_given(ow
     assert (own_conf / "composed.yaml").read_text() == (CONF / "composed.yaml").read_text()
 
 
+@pytest.mark.parametrize("name", ["null", "no", "3"])
+def test_a_name_that_yaml_reads_as_something_else_is_no_silent_omission(own_conf: Path, name: str):
+    config = (own_conf / "config.yaml").read_text()
+    (own_conf / "config.yaml").write_text(config.replace("users.normal: normal", f"users.normal: {name}"))
+    with pytest.raises(InputError, match="put the name in quotes"):
+        params.main([])
+
+
 @pytest.mark.parametrize("given", ["train.steps=-1", "profile=none"])
 def test_an_override_that_is_refused_leaves_all_as_it_was(own_conf: Path, given: str):
     with pytest.raises(InputError):

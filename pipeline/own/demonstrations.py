@@ -66,9 +66,12 @@ def check_paths(samples: pd.DataFrame, settings: Settings, faults: Faults) -> No
     increasing = "expected times that increase, and a name of its own for each demonstration"
     goes = "t goes back from {earlier:g} to {t:g} s in demonstration ({name})"
     faults.rows(file, samples[back], f"{goes}: {increasing}")
-    counted = groups.head(1).assign(rows=groups.size().to_numpy())
+    extent = groups[["x", "y"]].max() - groups[["x", "y"]].min()
+    counted = groups.head(1).assign(rows=groups.size().to_numpy(), extent=np.hypot(*extent.to_numpy().T))
     short = f"demonstration ({{name}}) has {{rows}} rows: expected at least {MIN_SAMPLES}"
     faults.rows(file, counted[counted["rows"] < MIN_SAMPLES], short)
+    resting = "demonstration ({name}) stays within {extent:.1g} m: expected a path in metres, or leave it out"
+    faults.rows(file, counted[counted["extent"] <= STILL * settings.size_m.max()], resting)
     _check_motion(samples, settings, faults)
     size, beyond = settings.size_m, MAX_BEYOND_M * settings.size_m.max()
     off = ((samples[["x", "y"]] - size / 2).abs() > size / 2 + beyond).any(axis=1)

@@ -27,8 +27,12 @@ COLUMNS = {
 KEY = ["scene", "user", "demo"]  # of a demonstration
 WORDS = {*KEY, "kind", "file", "valid"}  # columns that hold names, or a word; the others hold numbers
 
+UNSEEN = "\u00ad\u200b\u2060\ufeff"  # hyphens and spaces that no page shows; joiners of emoji and Persian stay
 ENDINGS = (".jpg", ".jpeg", ".png")
-UNREAD = (".bmp", ".dng", ".gif", ".heic", ".heif", ".tif", ".tiff", ".webp")  # of pictures that are not read
+UNREAD = (  # of pictures that are not read
+    *(".arw", ".avif", ".bmp", ".cr2", ".cr3", ".dng", ".gif", ".heic", ".heif", ".jfif", ".jxl"),
+    *(".nef", ".tif", ".tiff", ".webp"),
+)
 SHAPE_WITHIN = 0.02  # a picture of just the table has the table's shape within this share
 
 KNOWN = ("size_m", "corners", "rectified", "import")
@@ -58,8 +62,8 @@ class Faults(list[str]):
 
 
 def normal(name: str) -> str:
-    """Return a name with single, plain spaces and with composed accents, as other computers may decompose them."""
-    return " ".join(unicodedata.normalize("NFC", name).split())
+    """Return a name with single, plain spaces, composed accents and none of UNSEEN: names that look alike are one."""
+    return " ".join(unicodedata.normalize("NFC", name.translate(dict.fromkeys(map(ord, UNSEEN)))).split())
 
 
 def is_printable(name: str) -> bool:

@@ -222,6 +222,8 @@ def _read_canvas(
     if corners is None and not files.has_shape(width, height, settings.size_m):
         shape = "square" if settings.size_m[0] == settings.size_m[1] else "{:g} by {:g}".format(*settings.size_m)
         faults.append(f"{size}: expected a {shape} picture of just the table, or corners in {SETTINGS}")
+    elif min(width, height) < files.MIN_TABLE_PX:
+        faults.append(f"{size}: expected at least {files.MIN_TABLE_PX} a side; take the original, not a preview")
     elif corners is not None and ((corners < 0) | (corners > [width, height])).any():
         faults.append(f"{size}, and corners in {SETTINGS} lie outside: correct them")
     else:

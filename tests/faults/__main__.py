@@ -25,10 +25,10 @@ import pandas as pd
 import yaml
 
 from pipeline.artifacts.files import write_table
-from pipeline.git import dvc, forget_repository
+from pipeline.git import dvc, environment, forget_repository, run
+from pipeline.runtime.places import ROOT
 from tests.sweep.running import SMALL
 
-ROOT = Path(__file__).parents[2]
 REPRO = ["make", "--assume-old=.venv/.ready", "repro"]
 STUDY = ["dvc", "repro", "studies/dvc.yaml:page@users"]
 SWEEP = [sys.executable, "-m", "pipeline.sweep"]
@@ -37,7 +37,7 @@ STAGES = ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", 
 PAPER = (*(f"outputs/{stage}" for stage in STAGES), "reports")
 RESULTS = ("outputs", "reports", "studies/users")
 SAME, MESSAGE, WRONG = "correct result", "clear message", "WRONG"
-MEAN_S = float(os.environ.get("MEAN_S", "8"))  # between kills: most stages of the smoke profile last as long
+MEAN_S = 8.0  # between kills: most stages of the smoke profile last as long
 
 
 class Broken:
@@ -58,13 +58,7 @@ class Broken:
 
     def run(self, *command: str) -> subprocess.CompletedProcess[str]:
         """Return the ended command with what it said."""
-        place = {"cwd": self.folder, "env": self.environment}
-        return subprocess.run(command, **place, capture_output=True, text=True, timeout=3600)
-
-    @property
-    def environment(self) -> dict[str, str]:
-        """The caller's, in which Python finds the clone's own code."""
-        return os.environ | {"PYTHONPATH": str(self.folder)}
+        return run(command, self.folder, {"PYTHONPATH": str(self.folder)}, capture_output=True, timeout=3600)
 
     def judge(self, done: subprocess.CompletedProcess[str], folders: tuple[str, ...] = RESULTS) -> tuple[str, str]:
         """Return how the fault ended, and the sentence or what is wrong: files that differ from the whole run's."""
@@ -127,25 +121,13 @@ class Fault(NamedTuple):
                 break
         return ends
 
-    def damaged(self, find: Callable[[Path], list[Path]], remove: str = "") -> "Ends":
-        """Damage a file of a clone that has results and cache, once cut and once flipped, and run it again."""
-        ends = []
-        for how in ("cut", "flip"):
-            broken = self.broken(how, results=True, cache=True)
-            candidates = sorted(path for path in find(broken.folder) if path.stat().st_size > 100)
-            _damage(candidates[int(self.rng.integers(len(candidates)))], self.rng, how)
-            if remove:
-                shutil.rmtree(broken.folder / remove)
-            ends.append(broken.judge(broken.run(*REPRO), PAPER))
-        return ends
-
 
 Ends = list[tuple[str, str]]  # how a fault ended, for each time that it was injected
 
 
 def _is_killed(broken: Broken, command: list[str], rng: np.random.Generator) -> bool:
     """Start a command and kill it after a random time; return False if it came to its end before."""
-    place = {"cwd": broken.folder, "env": broken.environment, "start_new_session": True}
+    place = {"cwd": broken.folder, "env": environment({"PYTHONPATH": str(broken.folder)}), "start_new_session": True}
     process = subprocess.Popen(command, **place, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         process.wait(rng.exponential(MEAN_S) + 0.5)
@@ -201,7 +183,14 @@ def damaged_cache(fault: Fault) -> Ends:
     """damaged file in DVC's cache, its result restored"""
     outs = yaml.safe_load((fault.whole / "dvc.lock").read_text())["stages"]["evaluate"]["outs"]
     paths = [f".dvc/cache/files/md5/{out['md5'][:2]}/{out['md5'][2:]}" for out in outs if "md5" in out]
-    return fault.damaged(lambda clone: [p for path in paths for p in clone.glob(path)], remove="outputs/evaluate")
+    ends = []
+    for how in ("cut", "flip"):
+        broken = fault.broken(how, results=True, cache=True)
+        cached = sorted(file for path in paths if (file := broken.folder / path).stat().st_size > 100)
+        _damage(cached[int(fault.rng.integers(len(cached)))], fault.rng, how)
+        shutil.rmtree(broken.folder / "outputs/evaluate")
+        ends.append(broken.judge(broken.run(*REPRO), PAPER))
+    return ends
 
 
 def damaged_store(fault: Fault) -> Ends:

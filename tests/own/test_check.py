@@ -114,6 +114,10 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "huge picture": (huge, "scenes/tea.png has 20000 x 20000 pixels: expected at most 50 megapixels"),
     "one name twice": (picture(draw_table(), "scenes/tea.jpg"), "are one scene 'tea'"),
     "oblong picture": (picture(draw_table()[:80]), "scenes/tea.png has 100 x 80 pixels: expected a square picture"),
+    "preview of a picture": (
+        picture(draw_table()[:40, :40]),
+        "scenes/tea.png has 40 x 40 pixels: expected at least 50",
+    ),
     "black picture": (picture(0 * draw_table()), "scenes/tea.png is black where the table should be"),
     "crossing corners": (corners("[[0, 0], [90, 90], [90, 0], [0, 90]]"), "table.yaml: corners cross"),
     "corners of one scene": (corners("{tea: [[0, 0], [90, 0], [90, 90], [0, 90]]}"), "no corners of Mittag"),
@@ -124,10 +128,15 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "times run backwards": (cell(5, "t", "0.05"), "row 5: t goes back from 0.2 to 0.05 s in demonstration (breakfast,"),
     "text for a number": (cell(7, "x", "0,5"), "row 7: x is '0,5': expected a number with a decimal point"),
     "changing word": (cell(3, "valid", "true"), "row 3: valid changes within demonstration (breakfast, Ana, 0)"),
+    "name that nobody sees": (cell(3, "user", "\u200b"), "row 3: user is ''"),
     "terminal codes": (cell(3, "user", "\x1b[31mAna"), "row 3: user is '\\x1b[31mAna'"),
     "four rows": (
         lambda p: keep(p, 0, 5, 8, 11),
         "row 2: demonstration (breakfast, Ana, 0) has 4 rows: expected at least",
+    ),
+    "kilometres": (
+        lambda p: edit(p, lambda t: t.assign(x="0.0005", y="0.0004")),
+        "row 98: demonstration (Mittag, Ana, 0) stays within 0 m: expected a path in metres",
     ),
     "crowded rows": (
         lambda p: keep(p, 0, 1, 1.5, 2, 11),
@@ -154,8 +163,8 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
         "row 9: demonstration (breakfast, Ana, 0) stands still for 4 rows and then jumps by 0.4",
     ),
     "picture of another format": (
-        text("scenes/new.HEIC", ""),
-        "scenes/new.HEIC is not read: expected a name that ends",
+        text("scenes/new.AVIF", ""),
+        "scenes/new.AVIF is not read: expected a name that ends",
     ),
     "two empty tables": (
         lambda p: [write_picture(p / name, draw_table()) for name in ("empty.jpg", "empty.png")],
