@@ -10,6 +10,7 @@ import pytest
 from pipeline.audit import consistency
 from pipeline.audit.__main__ import main
 from pipeline.audit.revision import checked_out
+from pipeline.runtime.errors import InputError
 
 
 @pytest.mark.slow
@@ -70,6 +71,8 @@ def test_a_file_of_a_folder_is_compared_by_the_list_in_the_cache_and_unchecked_w
         assert (checked.items, len(checked.faults), checked.unchecked) == (1, faults, 0)
 
 
-def test_an_unknown_commit_is_refused(capsys: pytest.CaptureFixture[str]):
+def test_an_unknown_commit_and_one_without_results_are_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path):
     assert main(["nothing-of-that-name"]) == 2
     assert "is unknown: `git log --oneline`" in capsys.readouterr().err
+    with pytest.raises(InputError, match="so no results"):
+        consistency.audit(tmp_path)
