@@ -15,6 +15,7 @@ from unittest.mock import patch
 import cv2
 import numpy as np
 import pandas as pd
+from omegaconf import OmegaConf
 
 from pipeline.world import render
 from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW, random_z_theta
@@ -26,16 +27,7 @@ from pipeline.world.rules import Margins, line_clearance, slack
 
 OUT, DATA = Path(__file__).with_name("table"), Path("data")
 SEED, SCENES, UNLABELLED, DEMOS = 31, 12, 2, 8  # demonstrations for each scene and user
-RULES = LayoutRules(
-    items_per_scene=(2, 3),
-    glasses_chance=(0.05, 0.35, 0.40, 0.20),
-    centre_low=0.12,
-    centre_high=0.88,
-    clear_of_ends=0.12,
-    clear_of_items=0.015,
-    scale_low=0.97,
-    scale_high=1.03,
-)  # as in conf/scenes.yaml
+RULES = LayoutRules.of(OmegaConf.load("conf/scenes.yaml").scenes.layout)
 USERS: dict[str, Margins] = {  # margins [m], as careful and normal in conf/users/
     "Ana": dict.fromkeys(SYMBOLS, 0.045),
     "Jürgen": dict.fromkeys(SYMBOLS, None) | {"glass": 0.042},

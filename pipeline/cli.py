@@ -14,8 +14,10 @@ specs VERB --help          says more; specs --version; specs --completion bash|z
 
 import runpy
 import sys
+from pathlib import Path
 
 from pipeline import __version__
+from pipeline.runtime.places import ROOT
 
 OWN = ("report", "check", "record", "ask", "import")  # verbs of a person's own table
 MODULES = dict.fromkeys(OWN, "pipeline.own") | {
@@ -31,8 +33,11 @@ def main() -> int:
     """Run one verb; return 0, or 2 for a wrong command; a verb exits with its own status."""
     verb, *rest = sys.argv[1:] or ["--help"]
     if verb in MODULES:
+        place = Path() if verb == "review" else ROOT
         if verb in OWN and verb != "report":
             rest = [verb, *rest]
+        elif verb not in OWN and not (place / "dvc.yaml").is_file() and not {"-h", "--help"} & {*rest}:
+            sys.exit(f"error: specs {verb} works in a clone of the repository, in the environment of its `make venv`")
         sys.argv = [f"specs {verb}", *rest]
         try:
             runpy.run_module(MODULES[verb], run_name="__main__", alter_sys=True)

@@ -43,6 +43,11 @@ def test_a_verb_whose_packages_are_not_installed_names_its_extra(verb: str, pack
     assert f"pip install 'causal-specifications[{extra}]'" in done.stderr and "Traceback" not in done.stderr
 
 
+def test_an_installed_package_says_that_a_verb_works_in_a_clone():
+    before = "import pathlib, pipeline.runtime.places as places; places.ROOT = pathlib.Path('nowhere'); "
+    assert "works in a clone of the repository" in specs("sweep", before=before).stderr
+
+
 @pytest.mark.parametrize(
     "arguments", [("check", "nowhere"), ("report", "nowhere"), ("sweep", "--nothing"), ("nonsense",)]
 )

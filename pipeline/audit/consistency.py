@@ -43,7 +43,9 @@ def audit(clone: Path) -> list[Checked]:
 
 
 def read_locks(clone: Path) -> dict[str, dict]:
-    """Return the lock of every stage, named as DVC does."""
+    """Return the lock of every stage, named as DVC does; raise InputError for a commit that has none."""
+    if not (clone / "dvc.lock").is_file():
+        raise InputError("the commit has no dvc.lock, so no results: choose a later one")
     locks = {}
     for file in (clone / "dvc.lock", *clone.glob("studies/dvc.lock"), *sorted(clone.glob("studies/*/dvc.lock"))):
         prefix = "" if file.parent == clone else f"{file.parent.relative_to(clone)}/dvc.yaml:"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import yaml
 
+from pipeline.audit.consistency import read_locks
 from pipeline.git import git
 from pipeline.git import run as run_in
 from pipeline.runtime.errors import InputError
@@ -51,6 +52,6 @@ def run(clone: Path, stages: list[str], profile: str | None = None) -> Hashes:
 
 def outputs(clone: Path) -> Hashes:
     """Return the hash of every output of the paper's stages that their lock names, but for recordings."""
-    stages = yaml.safe_load((clone / "dvc.lock").read_bytes())["stages"]
-    hashes = {(name, out["path"]): out["md5"] for name, stage in stages.items() for out in stage.get("outs", [])}
-    return {key: md5 for key, md5 in hashes.items() if key[1] != RECORDINGS}
+    stages = {name: lock for name, lock in read_locks(clone).items() if not name.startswith("studies/")}
+    outs = ((name, out) for name, lock in stages.items() for out in lock.get("outs", []))
+    return {(name, out["path"]): out["md5"] for name, out in outs if out["path"] != RECORDINGS}

@@ -54,8 +54,6 @@ def _fetch_lacking(root: Path, commit: str) -> None:
 
 def resolve(revision: str) -> str:
     """Return a commit's full hash; raise InputError if git does not know it or refuses to look."""
-    if revision.startswith("-"):
-        raise InputError(f"commit {revision!r}: expected a hash, branch or tag")
     found = run(["git", "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"], ROOT, capture_output=True)
     if found.returncode:
         why = " ".join(found.stderr.split()) or "it is unknown: `git log --oneline` lists those of this clone"

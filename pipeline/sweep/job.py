@@ -102,8 +102,8 @@ def _prepare(sweep: Sweep, clone: Path) -> None:
         make_clone(sweep.root, sweep.record["commit"], clone, LEFT_OUT)
         config = ConfigObj(f"{sweep.root}/.dvc/config.local", encoding="utf-8")  # the person's, such as cache.shared
         cache = {"dir": str(sweep.cache), "type": "reflink,hardlink,copy"}
-        config.merge({"core": {"site_cache_dir": f"{clone}/.dvc/tmp/site"}, "cache": cache})
-        config.merge({'remote "store"': {"url": f"{sweep.root}/store"}})
+        core, store = {"site_cache_dir": f"{clone}/.dvc/tmp/site"}, {"url": f"{sweep.root}/store"}
+        config.merge({"core": core, "cache": cache, 'remote "store"': store})
         config.filename = f"{clone}/.dvc/config.local"
         config.write()
     git(clone, "reset", "--quiet", "--hard")  # parameters, graph and locks of the job before

@@ -14,7 +14,7 @@ from typing import Any
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import Glob, Override
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -55,7 +55,7 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
             whole = hydra.compose("config", overrides=single, return_hydra_config=True)
         params = whole.hydra.sweeper.get("params") or {}  # of an experiment
         preset = parse([f"{name}={value}" for name, value in params.items()])
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, ValueError) as error:
         hint = f"; {EXTRAS}" if "hydra/" in str(error) else ""
         raise InputError(explained(error) + hint) from error
     last = {override.get_key_element(): override for override in preset} | last
@@ -69,8 +69,8 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
         return Plan([*launched, *(str(override.input_line) for override in swept.values())], fixed, defaults)
     axes = {text: [text] for text in fixed}
     for key, override in swept.items():
-        if not override.is_discrete_sweep():
-            raise InputError(f"{override.input_line}: only hydra/sweeper=optuna can choose from an interval")
+        if not override.is_discrete_sweep() or isinstance(override.value(), Glob):
+            raise InputError(f"{override.input_line}: name the values; only hydra/sweeper=optuna takes an interval")
         axes[key] = list(dict.fromkeys(f"{key}={canonical(value)}" for value in override.sweep_iterator()))
         launched.append(f"{key}={','.join(text.partition('=')[2] for text in axes[key])}")
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
@@ -87,8 +87,8 @@ def canonical(value: Any) -> str:
         return f"{{{','.join(f'{key}:{canonical(part)}' for key, part in sorted(value.items()))}}}"
     if isinstance(value, list):
         return f"[{','.join(map(canonical, value))}]"
-    if isinstance(value, float) and value.is_integer():
-        return str(int(value))
+    if isinstance(value, float):
+        return str(int(value) if value.is_integer() else value)
     return value if isinstance(value, str) and BARE.fullmatch(value) else json.dumps(value, ensure_ascii=False)
 
 
@@ -102,8 +102,8 @@ def value_of(cfg: DictConfig, name: str) -> str:
 
 
 def _text(override: Override) -> str:
-    """Return an override as Hydra hands it to a job."""
-    return f"{override.get_key_element()}={override.get_value_element_as_str()}"
+    """Return an override as Hydra hands it to a job, the same for all spellings of its value."""
+    return f"{override.get_key_element()}={canonical(override.value())}"
 
 
 def launch(sweep: Sweep, plan: Plan) -> None:

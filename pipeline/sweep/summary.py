@@ -1,5 +1,6 @@
 """Summarise a sweep: a tidy table of results, paired differences from a reference setting, and a page."""
 
+import shlex
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -121,7 +122,7 @@ def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any
     """Write index.html with its figures and tables, and the tidy tables as parquet."""
     summary, site = summarise(record, jobs), Site()
     names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}, "few": MIN_PAIRS, "s": summary}
-    made = environment([Path(__file__).parent], along=along, title=title, **names)
+    made = environment([Path(__file__).parent], along=along, title=title, typed=shlex.join, **names)
     render_page("index", "page.html.j2", None, summary, made, site)
     write_files(site, folder)
     shutil.copy(FOLDER / "page.css", folder)

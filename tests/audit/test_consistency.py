@@ -10,6 +10,7 @@ import pytest
 from pipeline.audit import consistency
 from pipeline.audit.__main__ import main
 from pipeline.audit.revision import checked_out
+from pipeline.runtime.errors import InputError
 
 
 @pytest.mark.slow
@@ -41,19 +42,7 @@ def test_what_was_changed_added_or_removed_is_found():
     assert fault.place == "conf/" and "params.yaml is not what conf/ composes: run" in fault.message
 
 
-def test_a_page_made_of_another_table_than_the_lock_names_is_found(tmp_path: Path):
-    (tmp_path / "reports").mkdir()
-    lock = {"stages": {"evaluate": {"outs": [{"path": "outputs/evaluate/accuracy.csv", "md5": "aa"}]}}}
-    (tmp_path / "dvc.lock").write_text(json.dumps(lock))
-    source = {"accuracy": [{"stage": "evaluate", "file": "accuracy.csv", "md5": "aa"}]}
-    for md5, faults in (("aa", 0), ("bb", 1)):
-        source["accuracy"][0]["md5"] = md5
-        (tmp_path / "reports/provenance.json").write_text(json.dumps({"sources": source}))
-        checked = consistency.provenance(tmp_path, consistency.read_locks(tmp_path))
-        assert (checked.items, len(checked.faults)) == (1, faults)
-
-
-def test_a_file_of_a_folder_is_compared_by_the_list_in_the_cache_and_unchecked_without_it(
+def test_a_page_s_file_is_compared_with_the_lock_or_with_a_folder_s_list_and_unchecked_without_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(consistency, "dvc", lambda *_: f"{tmp_path / 'cache'}\n")
@@ -68,8 +57,13 @@ def test_a_file_of_a_folder_is_compared_by_the_list_in_the_cache_and_unchecked_w
         (tmp_path / "cache/files/md5/12/.dir").write_text(json.dumps([{"relpath": "curve.csv", "md5": md5}]))
         checked = consistency.provenance(tmp_path, locks)
         assert (checked.items, len(checked.faults), checked.unchecked) == (1, faults, 0)
+    for md5, faults in (("aa", 0), ("bb", 1)):
+        locks = {"studies/safety/dvc.yaml:safety": {"outs": [{"path": "outputs/studies/safety/curve.csv", "md5": md5}]}}
+        assert len(consistency.provenance(tmp_path, locks).faults) == faults
 
 
-def test_an_unknown_commit_is_refused(capsys: pytest.CaptureFixture[str]):
+def test_an_unknown_commit_and_one_without_results_are_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path):
     assert main(["nothing-of-that-name"]) == 2
     assert "is unknown: `git log --oneline`" in capsys.readouterr().err
+    with pytest.raises(InputError, match="so no results"):
+        consistency.audit(tmp_path)

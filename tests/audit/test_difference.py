@@ -23,17 +23,13 @@ def seeds(**values: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["headline", "seed", "value"])
 
 
-@pytest.fixture(scope="module")
-def compared() -> pd.DataFrame:
+def test_each_headline_gets_its_word():
     base, noise = RNG.normal(0.8, 0.02, 10), RNG.normal(0, 0.001, 10)
     far = RNG.normal(0, 0.05, 10)
     before = seeds(better=base, worse=base, same=base, undecided=base)
     after = seeds(better=base + 0.1 + noise, worse=base - 0.1 + noise, same=base + noise, undecided=base + far)
-    return paired(before, after).set_index("headline")
-
-
-def test_each_headline_gets_its_word(compared: pd.DataFrame):
-    assert dict(compared["word"]) == {word: word for word in ("better", "worse", "same", "undecided")}
+    words = paired(before, after).set_index("headline")["word"]
+    assert dict(words) == {word: word for word in ("better", "worse", "same", "undecided")}
 
 
 def test_the_interval_is_that_of_scipys_paired_test():
@@ -83,4 +79,3 @@ def test_an_audit_says_that_pairs_are_too_few():
     by_seed = paired(seeds(x=np.array([0.5, 0.6]), y=np.ones(2)), seeds(x=np.array([0.575, 0.675]), y=np.ones(2)))
     text = of_difference("before", "after", Difference([], [], [], [], [], [], by_seed))
     assert "+0.075 (too few pairs)" in text and "Others with the same values for every seed: 1." in text
-    assert by_seed["p_holm"].isna().all()

@@ -1,12 +1,12 @@
 """Launchers for clusters give the serial run's bytes, also when a node is lost; `make test-cluster`."""
 
 import os
-import signal
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -63,10 +63,8 @@ def end(process: psutil.Process) -> None:
     """Kill a process and all that it started."""
     with_children = [*process.children(recursive=True), process] if process.is_running() else []
     for each in with_children:
-        try:
-            each.send_signal(signal.SIGKILL)
-        except psutil.NoSuchProcess:
-            continue
+        with suppress(psutil.NoSuchProcess):
+            each.kill()
 
 
 def swept(values: list[int], *launcher: str) -> list[str]:

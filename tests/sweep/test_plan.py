@@ -21,6 +21,7 @@ EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
     [
         (["profile=smoke", "train.steps=5,6"], ["profile=smoke"], [["train.steps=5"], ["train.steps=6"]]),
         (["variants.full.alpha=1,100,100.0,1e2"], [], [["variants.full.alpha=1"], ["variants.full.alpha=100"]]),
+        (["variants.full.alpha=1e2"], ["variants.full.alpha=100"], [[]]),
         (["evaluate.bins=5,6", "evaluate.bins=7,8"], [], [["evaluate.bins=7"], ["evaluate.bins=8"]]),
     ],
 )
@@ -56,6 +57,8 @@ def test_a_group_is_known_by_what_stands_where_it_is_put():
         ("train.steps=10,,20", "extraneous input"),
         ("main_n_demos=9,4", "main_n_demos is 4"),
         ("repair.split=new_scenes,new_items", "intervene.split is 'new_items'"),
+        ("users@users.careful=glob(*)", "name the values"),
+        ("questions=null", "must be a string or a list"),
         ("+experiment=nonsense", "experiment/nonsense"),
         ("hydra/launcher=nowhere", "make venv-cluster"),
     ],
@@ -65,7 +68,6 @@ def test_what_cannot_run_is_refused_with_a_sentence(override: str, message: str)
         make_plan([override], ["evaluate"])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("experiment", EXPERIMENTS)
 def test_every_experiment_composes_and_all_its_values_are_valid(experiment: str):
     plan = make_plan([f"+experiment={experiment}"], ["evaluate"])

@@ -27,7 +27,7 @@ def sweep_of(folder: Path, values: dict[Any, dict[str, list[float]]]) -> Path:
         (path / "params.yaml").write_text(yaml.safe_dump(PARAMETERS | {"beta": float(beta)}))
         write_json(path / "job.json", {"overrides": job, "state": "done"})
     write_json(folder / "jobs/beta=9/job.json", {"overrides": jobs[-1], "state": "failed", "error": "too <wide>"})
-    record = {"commit": "0" * 40, "targets": ["evaluate"], "objective": None, "runs": [["beta=0,1,2,9"]]}
+    record = {"commit": "0" * 40, "targets": ["evaluate"], "objective": None, "runs": [["beta=0,1,2,9", "x=[7]"]]}
     write_json(folder / "sweep.json", record | {"fixed": ["profile=paper"], "defaults": {"beta": "0"}, "jobs": jobs})
     return folder
 
@@ -61,6 +61,7 @@ def test_the_better_setting_is_called_better_and_an_equal_one_is_not(folder: Pat
     page = re.sub(r"\s+", " ", (folder / "index.html").read_text())
     assert "unseen items</th> <td>beta=1</td> <td>better</td>" in page
     assert "too &lt;wide&gt;" in page and "Clearance model" not in page  # what did not change is left out
+    assert "--multirun beta=0,1,2,9 &#39;x=[7]&#39; --stages evaluate<" in page  # as a shell takes it
     assert "beta" in (folder / "figures/by-1.svg").read_text()
 
 
