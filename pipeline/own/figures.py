@@ -91,6 +91,18 @@ def draw_scenes(folder: Folder, most: int) -> Figure:
     return figure
 
 
+def empty_table(results: Results) -> Figure:
+    """Draw the empty table that the pictures give, with what the detector finds on it, and where they disagree."""
+    folder, stack = results.folder, results.folder.from_pictures
+    assert stack is not None  # the page asks
+    figure, axes = panels(1, 2, 4.8, 2.6)
+    rings = [outline(one.ends, np.float64(one.radius)) for one in folder.standing]
+    _draw_numbered(axes[0, 0], 1, folder.frame.image(stack.canvas), folder.frame, rings)
+    unsure = np.repeat(255 * stack.unsure[..., None].astype(np.uint8), 3, axis=-1)
+    _draw_numbered(axes[0, 1], 2, folder.frame.image(unsure), folder.frame, [])
+    return figure
+
+
 def repairs(results: Results) -> Figure:
     """Draw the first repairs of each user: the demonstration's path and the nearest path that the model accepts."""
     first = results.tables["repaired"].dropna().groupby(["user", "scene"]).head(1)  # of each scene

@@ -28,7 +28,10 @@ KEY = ["scene", "user", "demo"]  # of a demonstration
 WORDS = {*KEY, "kind", "file", "valid"}  # columns that hold names, or a word; the others hold numbers
 
 ENDINGS = (".jpg", ".jpeg", ".png")
-UNREAD = (".bmp", ".dng", ".gif", ".heic", ".heif", ".tif", ".tiff", ".webp")  # of pictures that are not read
+UNREAD = (
+    ".arw", ".avif", ".bmp", ".cr2", ".cr3", ".dng", ".gif", ".heic", ".heif", ".jp2", ".jxl", ".nef", ".tif", ".tiff",
+    ".webp",
+)  # fmt: skip
 SHAPE_WITHIN = 0.02  # a picture of just the table has the table's shape within this share
 
 KNOWN = ("size_m", "corners", "rectified", "import")
