@@ -126,12 +126,15 @@ class Folder:
         counts = Counter(self.seen.ways)
         ways = ", ".join(f"{way}: {count}" for way, count in counts.items())
         lines = [f"How the models know what stands on the table, by the number of scenes: {ways}."]
-        if (stack := self.from_pictures) is None:
-            return lines
-        for misfits, why in ((stack.moved, "camera moved"), (stack.relit, "light changed")):
+        stack = self.from_pictures
+        moved, relit = ([], []) if stack is None else (stack.moved, stack.relit)
+        others = sorted(set(self.seen.misfits) - {*moved, *relit})
+        reasons = {"camera moved": moved, "light changed": relit, "empty table does not fit": others}
+        for why, misfits in reasons.items():
             if misfits:
-                names = ", ".join(self.scenes[i] for i in misfits)
-                lines.append(f"The {why} in {names}: the empty table is not taken from these pictures.")
+                lines.append(f"The {why} in {', '.join(self.scenes[i] for i in misfits)}: read by the picture alone.")
+        if stack is None:
+            return lines
         unsure = f"The pictures disagree about {stack.unsure.mean():.0%} of the empty table"
         if not stack.is_useful:
             lines.append(f"{unsure}, so it is not used: move the items farther, or photograph it as empty.jpg.")

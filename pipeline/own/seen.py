@@ -15,7 +15,7 @@ from scipy.special import softmax
 
 from pipeline.models.base import to_tensor
 from pipeline.own.frame import Frame, outline
-from pipeline.own.items import Told
+from pipeline.own.items import MAX_ITEM_SHARE, Told
 from pipeline.perception.objects import SUPERSAMPLING, Object, Objects, Outline, describe_outlined, detect_objects
 from pipeline.perception.segmenter import LOOKS
 from pipeline.world.layout import SIDE, point_segment_distance
@@ -122,9 +122,12 @@ def look(
     """Return what stands in pictures; told: items by scene; `empty`: the table without items, known by `way`.
 
     misfits: scenes in another light or from another place than `empty`; what stands there is known by the picture
-    alone.
+    alone, as where the comparison finds something as large as the table.
     """
     pairs = [detect(image, None if i in misfits else empty) for i, image in enumerate(images)]
+    if empty is not None:
+        misfits = [i for i, (objects, _) in enumerate(pairs) if i in misfits or any(map(_is_huge, objects))]
+        pairs = [detect(images[i], None) if i in misfits else pair for i, pair in enumerate(pairs)]
     found, doubt = [objects for objects, _ in pairs], [each for _, each in pairs]
     known = {scene: _described(images[scene], items, frame) for scene, items in told.items()}
     ways = [TOLD if i in known else ALONE if i in misfits else way for i in range(len(images))]
@@ -156,6 +159,12 @@ def detect(image: Image, empty: Image | None) -> tuple[list[Object], float]:
     fields = objects.ends, objects.radius, objects.features, objects.kinds
     rows = [Object(*(field[0, i] for field in fields)) for i in np.flatnonzero(objects.present[0])]
     return rows, float(objects.doubt[0])
+
+
+def _is_huge(one: Object) -> bool:
+    """Return whether an object covers so much of the table that it is no item."""
+    radius, length = float(one.radius), float(np.linalg.norm(one.ends[1] - one.ends[0]))
+    return np.pi * radius**2 + 2 * radius * length > MAX_ITEM_SHARE
 
 
 def _described(image: Image, items: Sequence[Told], frame: Frame) -> list[Named]:

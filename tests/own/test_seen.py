@@ -173,6 +173,13 @@ def test_pictures_that_the_empty_table_does_not_fit_are_read_alone_and_what_neve
     assert "The light changed in 07" in said and "items that never move are taken for the table" in said
 
 
+def test_an_empty_table_that_is_another_table_is_not_used(tmp_path: Path):
+    path = make_folder(tmp_path)
+    write_picture(path / "empty.png", draw_table() // 2)
+    folder = read(path)
+    assert set(folder.seen.ways) == {ALONE} and "The empty table does not fit in" in folder.how_seen[1]
+
+
 def test_fewer_than_five_arrangements_give_no_empty_table():
     assert empty_table(arrangements(4)) is None
 

@@ -192,7 +192,8 @@ async function startItems() {
   await attempt(async () => {
     const { found } = await ask(sceneUrl("/api/found/", name));
     tool.found = found.filter(one => !tool.items.some(item => overlap(item.points, one.points)));
-    if (board.tool === tool) say(`${tool.found.length} items found, broken outlines: click to accept, or A for all. Click what is missing.`);
+    const more = `${tool.found.length} items found, broken outlines: click to accept, or A for all. Click what is missing.`;
+    if (board.tool === tool) say(tool.found.length ? more : "No other items found. Click what is missing.");
   });
   showItem(tool);
   board.redraw();
