@@ -133,7 +133,7 @@ class Folder:
         for why, misfits in reasons.items():
             if misfits:
                 lines.append(f"The {why} in {', '.join(self.scenes[i] for i in misfits)}: read by the picture alone.")
-        if stack is None:
+        if stack is None or (stack.is_useful and STACK not in self.seen.ways):
             return lines
         unsure = f"The pictures disagree about {stack.unsure.mean():.0%} of the empty table"
         if not stack.is_useful:

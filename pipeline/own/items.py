@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from pipeline.own import files
 from pipeline.own.files import ITEMS, Faults, Settings, normal
-from pipeline.own.frame import outline, to_metres, whole
+from pipeline.own.frame import mapped, outline, to_metres, whole
 from pipeline.own.pictures import decoded
 from pipeline.runtime.errors import InputError
 
@@ -77,10 +77,10 @@ class Views(NamedTuple):
     settings: Settings
 
     def to_table(self, scene: str, pixels: Float[Array, "point 2"]) -> Float[Array, "point 2"]:
-        """Return places [column, row] of a scene's picture in metres on the table."""
+        """Return places [column, row] of a scene's picture in metres on the table; InputError beyond its horizon."""
         corners = self.settings.corners_of(scene)
         corners = whole(*self.sizes[scene]) if corners is None else corners
-        return cv2.perspectiveTransform(pixels[None].astype(float), to_metres(corners, self.settings.size_m))[0]
+        return mapped(to_metres(corners, self.settings.size_m), pixels)
 
 
 def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
@@ -240,7 +240,9 @@ def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told
             told[scene] = []
             for value in np.unique(mask[mask > 0]):
                 rings, _ = cv2.findContours((mask == value).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-                parts = [views.to_table(scene, r[:, 0] + 0.5) for r in rings if cv2.contourArea(r) >= least]
-                if parts:
-                    told[scene].append(Told("", parts))
+                rings = [ring[:, 0] + 0.5 for ring in rings if cv2.contourArea(ring) >= least]
+                try:
+                    told[scene] += [Told("", [views.to_table(scene, ring) for ring in rings])] if rings else []
+                except InputError as error:
+                    faults.append(f"{name}: {error}")
     return told
