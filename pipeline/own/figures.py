@@ -26,7 +26,7 @@ FIRST_SCENES, SHEET_COLUMNS = 12, 6  # of the contact sheet
 DRAWN_REPAIRS = 4  # for each user
 PHOTOGRAPH_PX = 240  # side of a photograph on which paths are drawn
 AROUND = 0.05  # what panels with paths show beside the table [m of the model]
-LISTED_REPAIRS, LISTED_SCENES = 12, 5  # rows of tables for each user; the csv files hold all
+LISTED_SCENES = 5  # for each user; the csv file holds all
 
 
 def recall(results: Results) -> pd.DataFrame:
@@ -35,11 +35,6 @@ def recall(results: Results) -> pd.DataFrame:
     rows = detected.groupby("kind")["detected"].agg(items="size", recall="mean").reset_index()
     rows.loc[len(rows)] = ["all", len(detected), detected["detected"].mean()]
     return rows
-
-
-def first_repairs(results: Results) -> pd.DataFrame:
-    """Return the first repairs of each user's invalid demonstrations."""
-    return results.tables["repaired"].groupby("user", sort=False).head(LISTED_REPAIRS)
 
 
 def next_scenes(results: Results) -> pd.DataFrame:
