@@ -26,7 +26,7 @@ FIRST_SCENES, SHEET_COLUMNS = 12, 6  # of the contact sheet
 DRAWN_REPAIRS = 4  # for each user
 PHOTOGRAPH_PX = 240  # side of a photograph on which paths are drawn
 AROUND = 0.05  # what panels with paths show beside the table [m of the model]
-LISTED_REPAIRS, LISTED_SCENES = 12, 5  # rows of tables for each user; the csv files hold all
+LISTED_SCENES = 5  # for each user; the csv file holds all
 
 
 def recall(results: Results) -> pd.DataFrame:
@@ -35,11 +35,6 @@ def recall(results: Results) -> pd.DataFrame:
     rows = detected.groupby("kind")["detected"].agg(items="size", recall="mean").reset_index()
     rows.loc[len(rows)] = ["all", len(detected), detected["detected"].mean()]
     return rows
-
-
-def first_repairs(results: Results) -> pd.DataFrame:
-    """Return the first repairs of each user's invalid demonstrations."""
-    return results.tables["repaired"].groupby("user", sort=False).head(LISTED_REPAIRS)
 
 
 def next_scenes(results: Results) -> pd.DataFrame:
@@ -88,6 +83,18 @@ def draw_scenes(folder: Folder, most: int) -> Figure:
             _draw_numbered(panel, number + 1, folder.images[number], folder.frame, folder.outlines(number))
         else:
             panel.set_axis_off()
+    return figure
+
+
+def empty_table(results: Results) -> Figure:
+    """Draw the empty table that the pictures give, with what the detector finds on it, and where they disagree."""
+    folder, stack = results.folder, results.folder.from_pictures
+    assert stack is not None  # the page asks
+    figure, axes = panels(1, 2, 4.8, 2.6)
+    rings = [outline(one.ends, np.float64(one.radius)) for one in folder.standing]
+    _draw_numbered(axes[0, 0], 1, folder.frame.image(stack.canvas), folder.frame, rings)
+    unsure = np.repeat(255 * stack.unsure[..., None].astype(np.uint8), 3, axis=-1)
+    _draw_numbered(axes[0, 1], 2, folder.frame.image(unsure), folder.frame, [])
     return figure
 
 

@@ -30,7 +30,7 @@ WORDS = {*KEY, "kind", "file", "valid"}  # columns that hold names, or a word; t
 UNSEEN = "\u00ad\u200b\u2060\ufeff"  # hyphens and spaces that no page shows; joiners of emoji and Persian stay
 ENDINGS = (".jpg", ".jpeg", ".png")
 UNREAD = (  # of pictures that are not read
-    *(".arw", ".avif", ".bmp", ".cr2", ".cr3", ".dng", ".gif", ".heic", ".heif", ".jfif", ".jxl"),
+    *(".arw", ".avif", ".bmp", ".cr2", ".cr3", ".dng", ".gif", ".heic", ".heif", ".jfif", ".jp2", ".jxl"),
     *(".nef", ".tif", ".tiff", ".webp"),
 )
 SHAPE_WITHIN = 0.02  # a picture of just the table has the table's shape within this share

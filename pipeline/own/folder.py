@@ -18,8 +18,9 @@ from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCE
 from pipeline.own.frame import Frame, outline, rectify
 from pipeline.own.items import COCO, MASKS, Told, Views, read_items
 from pipeline.own.pictures import read_cutout, read_picture
-from pipeline.own.seen import ALONE, EMPTY, STACK, Seen, look
+from pipeline.own.seen import ALONE, EMPTY, STACK, Seen, detect, look
 from pipeline.perception.empty import Empty, empty_table
+from pipeline.perception.objects import Object
 from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SIDE
 
@@ -74,11 +75,19 @@ class Folder:
     @cached_property
     def seen(self) -> Seen:
         """Return what stands in the pictures."""
-        told, table, way = {self.scenes.index(name): items for name, items in self.told.items()}, self.empty, EMPTY
-        if table is None and self.from_pictures is not None and self.from_pictures.is_useful:
-            table, way = self.from_pictures.canvas, STACK
-        empty = None if table is None else self.frame.image(table)
-        return look(self.images, self.frame, told, empty, ALONE if empty is None else way)
+        told = {self.scenes.index(name): items for name, items in self.told.items()}
+        if self.empty is not None:
+            return look(self.images, self.frame, told, self.frame.image(self.empty), EMPTY)
+        if (stack := self.from_pictures) is None or not stack.is_useful:
+            return look(self.images, self.frame, told, None, ALONE)
+        return look(self.images, self.frame, told, self.frame.image(stack.canvas), STACK, stack.moved + stack.relit)
+
+    @cached_property
+    def standing(self) -> list[Object]:
+        """Return what the detector finds on the empty table that the pictures give: it may never have moved."""
+        if self.seen.empty is None or self.empty is not None:
+            return []
+        return detect(self.seen.empty, None)[0]
 
     def controls(self, demos: pd.DataFrame | None = None) -> Float[Array, "demo control 2"]:
         """Return the control points [m of the model] of demonstrations, of all unless some are given."""
@@ -112,26 +121,41 @@ class Folder:
         return notes
 
     @property
-    def how_seen(self) -> str:
-        """Return a sentence on how items are known."""
+    def how_seen(self) -> list[str]:
+        """Return sentences on how items are known, and what the empty table from the pictures leaves open."""
         counts = Counter(self.seen.ways)
-        ways = [f"{count} {'scene' if count == 1 else 'scenes'} by the {way}" for way, count in counts.items()]
-        return f"What stands on the table is known in {', '.join(ways)}.".replace("by the told", "as told")
+        ways = ", ".join(f"{way}: {count}" for way, count in counts.items())
+        lines = [f"How the models know what stands on the table, by the number of scenes: {ways}."]
+        stack = self.from_pictures
+        moved, relit = ([], []) if stack is None else (stack.moved, stack.relit)
+        others = sorted(set(self.seen.misfits) - {*moved, *relit})
+        reasons = {"camera moved": moved, "light changed": relit, "empty table does not fit": others}
+        for why, misfits in reasons.items():
+            if misfits:
+                lines.append(f"The {why} in {', '.join(self.scenes[i] for i in misfits)}: read by the picture alone.")
+        if stack is None or (stack.is_useful and STACK not in self.seen.ways):
+            return lines
+        unsure = f"The pictures disagree about {stack.unsure.mean():.0%} of the empty table"
+        if not stack.is_useful:
+            lines.append(f"{unsure}, so it is not used: move the items farther, or photograph it as empty.jpg.")
+        elif stack.unsure.any():
+            lines.append(f"{unsure}: items there may be missed.")
+        if self.standing:
+            lines.append(
+                f"On the empty table from the pictures the detector finds {len(self.standing)}: items that never move "
+                "are taken for the table. Move them, outline them, or photograph the table without them as empty.jpg."
+            )
+        return lines
 
     @property
     def advice(self) -> list[str]:
         """Return what was seen in the pictures, and what to do about it."""
-        objects, lines = self.seen.objects, [self.how_seen]
+        objects, lines = self.seen.objects, self.how_seen
         counts = objects.present.sum(1)
         bare = [name for name, count in zip(self.scenes, counts, strict=True) if not count]
         lines.append(f"{counts.sum()} items, {counts.mean():.1f} a scene; look at {SHEET}")
         if bare:
             lines.append(f"no item in {len(bare)} scenes, the first {bare[0]}: outline them if they have any")
-        if self.from_pictures is not None:
-            for moved, why in ((self.from_pictures.moved, "camera moved"), (self.from_pictures.relit, "light changed")):
-                if moved:
-                    names = ", ".join(self.scenes[i] for i in moved)
-                    lines.append(f"the {why} in {names}: the empty table is taken from the others")
         lengths = np.linalg.norm(objects.ends[..., 1, :] - objects.ends[..., 0, :], axis=-1) + 2 * objects.radius
         sizes = SIDE * lengths[objects.present]
         if len(sizes) and not SIZES_PX[0] <= np.median(sizes) <= SIZES_PX[1]:

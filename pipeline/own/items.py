@@ -11,17 +11,18 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from pipeline.own import files
 from pipeline.own.files import ITEMS, Faults, Settings, normal
-from pipeline.own.frame import outline, to_metres, whole
+from pipeline.own.frame import mapped, outline, to_metres, whole
 from pipeline.own.pictures import decoded
 from pipeline.runtime.errors import InputError
 
 COCO, MASKS = "items.json", "masks"
 OUTSIDE = 0.02  # share of a picture by which an outline may leave it: people click beside the edge
 MIN_ITEM_SHARE = 1e-5  # smallest area of an item in a mask, over the picture's: less is a stray pixel
+MAX_ITEM_SHARE = 0.5  # largest area of an item, over the table's: more is the table itself, or another unit
 
 
 class Told(NamedTuple):
@@ -34,6 +35,8 @@ class Told(NamedTuple):
 class _Image(BaseModel):
     id: int
     file_name: str
+    width: int | None = None
+    height: int | None = None
 
 
 class _Category(BaseModel):
@@ -41,7 +44,7 @@ class _Category(BaseModel):
     name: str
 
 
-class _Annotation(BaseModel):
+class Annotation(BaseModel):
     id: int = 0
     image_id: int
     category_id: int
@@ -53,7 +56,7 @@ class Coco(BaseModel):
     """Hold what is read of a COCO file."""
 
     images: list[_Image]
-    annotations: list[_Annotation]
+    annotations: list[Annotation]
     categories: list[_Category] = []
 
     @property
@@ -74,10 +77,10 @@ class Views(NamedTuple):
     settings: Settings
 
     def to_table(self, scene: str, pixels: Float[Array, "point 2"]) -> Float[Array, "point 2"]:
-        """Return places [column, row] of a scene's picture in metres on the table."""
+        """Return places [column, row] of a scene's picture in metres on the table; InputError beyond its horizon."""
         corners = self.settings.corners_of(scene)
         corners = whole(*self.sizes[scene]) if corners is None else corners
-        return cv2.perspectiveTransform(pixels[None].astype(float), to_metres(corners, self.settings.size_m))[0]
+        return mapped(to_metres(corners, self.settings.size_m), pixels)
 
 
 def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
@@ -91,8 +94,23 @@ def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
         for scene, items in read(path, views, faults).items():
             if scene in owner:
                 faults.append(f"{name}: items of {scene} stand in {owner[scene]}, too: keep one of them")
+            faults += [f"{name}: {fault}" for fault in _faults_of(scene, items, views)]
             told[scene], owner[scene] = items, name
     return told
+
+
+def _faults_of(scene: str, items: list[Told], views: Views) -> list[str]:
+    """Return a sentence for each item of a scene that is told twice, or is no item for its size."""
+    faults, seen = [], []
+    for number, (kind, parts) in enumerate(items, 1):
+        outlined = kind, [part.tolist() for part in parts]
+        area = sum(cv2.contourArea(part.astype(np.float32)) for part in parts)
+        if outlined in seen:
+            faults.append(f"item {number} of {scene} ({kind}) is told twice: remove one")
+        if area > MAX_ITEM_SHARE * views.settings.size_m.prod():
+            faults.append(f"item {number} of {scene} ({kind}) covers most of the table: outline the items on it")
+        seen.append(outlined)
+    return faults
 
 
 def _from_csv(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
@@ -120,12 +138,20 @@ def _from_coco(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
     try:
         coco = Coco.model_validate_json((path / COCO).read_text(encoding="utf-8-sig"))
     except ValueError as error:
-        why = " ".join(str(error).split())[:200]
+        why = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
         faults.append(f"{COCO} is no COCO file ({why}): expected images, annotations and categories; export it again")
         return {}
     scenes, kinds = coco.scenes, coco.kinds
     for scene in sorted(set(scenes.values()) - views.sizes.keys()):
         faults.append(f"{COCO} lists {scene!r}, which has no picture in scenes/: add it, or correct file_name")
+    for image in coco.images:
+        size = image.width, image.height
+        expected = views.sizes.get(scenes[image.id], size)
+        if all(size) and size != expected:
+            fault = "{} has {} x {} pixels, its picture {} x {}".format(image.file_name, *size, *expected)
+            faults.append(f"{COCO}: {fault}: expected the same; export outlines on the picture in scenes/")
+    if len(set(scenes.values())) < len(coco.images):
+        faults.append(f"{COCO} lists an image twice, by its id or its name: expected each once; export it again")
     for kind in kinds.values():
         if not files.is_printable(kind):
             faults.append(f"{COCO}: the category {kind!r} cannot be printed: rename it")
@@ -146,16 +172,9 @@ def _from_coco(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
     return told
 
 
-def _polygons(one: _Annotation, scene: str, views: Views) -> list[Float[Array, "point 2"]]:
-    """Return an annotation's polygons, or its box; raise InputError for what encloses nothing."""
-    if isinstance(one.segmentation, dict):
-        raise InputError("a run-length mask: expected polygons; export polygons, or a PNG a scene in masks/")
-    rings = [np.reshape(ring, (-1, 2)) for ring in one.segmentation if len(ring) >= 6 and len(ring) % 2 == 0]
-    if len(rings) < len(one.segmentation):
-        raise InputError("a polygon is no list of x and y of three points or more: correct it")
-    if not rings and one.bbox is not None:
-        x, y, width, height = one.bbox
-        rings = [whole(1, 1) * [width, height] + [x, y]]
+def _polygons(one: Annotation, scene: str, views: Views) -> list[Float[Array, "point 2"]]:
+    """Return an annotation's polygons; raise InputError for what is outside, crosses itself or encloses nothing."""
+    rings = rings_of(one)
     size = np.array(views.sizes[scene])
     for ring in rings:
         if not np.isfinite(ring).all() or (ring < -OUTSIDE * size).any() or (ring > (1 + OUTSIDE) * size).any():
@@ -165,6 +184,19 @@ def _polygons(one: _Annotation, scene: str, views: Views) -> list[Float[Array, "
     if not rings or sum(cv2.contourArea(ring.astype(np.float32)) for ring in rings) < MIN_ITEM_SHARE * size.prod():
         raise InputError("it encloses nothing: outline the item, or remove it")
     return [views.to_table(scene, ring) for ring in rings]
+
+
+def rings_of(one: Annotation) -> list[Float[Array, "point 2"]]:
+    """Return an annotation's polygons [column, row], or its box; raise InputError for any other form."""
+    if isinstance(one.segmentation, dict):
+        raise InputError("a run-length mask: expected polygons; export polygons, or a PNG a scene in masks/")
+    rings = [np.reshape(ring, (-1, 2)) for ring in one.segmentation if len(ring) >= 6 and len(ring) % 2 == 0]
+    if len(rings) < len(one.segmentation):
+        raise InputError("a polygon is no list of x and y of three points or more: correct it")
+    if not rings and one.bbox is not None:
+        x, y, width, height = one.bbox
+        rings = [whole(1, 1) * [width, height] + [x, y]]
+    return rings
 
 
 def crosses_itself(ring: Float[Array, "point 2"]) -> bool:
@@ -185,8 +217,11 @@ def crosses_itself(ring: Float[Array, "point 2"]) -> bool:
 def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
     """Return the items of masks/SCENE.png: 0 is table, each other value an item that nobody named."""
     told: dict[str, list[Told]] = {}
-    for file in files.listed(path / MASKS, ".png"):
+    for file in files.listed(path / MASKS, *files.ENDINGS, *files.UNREAD):
         scene, name = normal(file.stem), f"{MASKS}/{file.name}"
+        if file.suffix.lower() != ".png":
+            faults.append(f"{name} is not read: expected a png, which keeps values as they are; export it again")
+            continue
         try:
             mask = decoded(file, name, cv2.IMREAD_UNCHANGED)
         except InputError as error:
@@ -205,7 +240,9 @@ def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told
             told[scene] = []
             for value in np.unique(mask[mask > 0]):
                 rings, _ = cv2.findContours((mask == value).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-                parts = [views.to_table(scene, r[:, 0] + 0.5) for r in rings if cv2.contourArea(r) >= least]
-                if parts:
-                    told[scene].append(Told("", parts))
+                rings = [ring[:, 0] + 0.5 for ring in rings if cv2.contourArea(ring) >= least]
+                try:
+                    told[scene] += [Told("", [views.to_table(scene, ring) for ring in rings])] if rings else []
+                except InputError as error:
+                    faults.append(f"{name}: {error}")
     return told

@@ -1,4 +1,4 @@
-"""Write the report of a folder: page, figures, tables, metrics, recording; all of it or nothing."""
+"""Write the report of a folder: page, figures, tables, metrics; all of it or nothing."""
 
 import re
 import shutil
@@ -11,7 +11,6 @@ from pipeline.artifacts.files import write_json, write_table
 from pipeline.own import figures
 from pipeline.own.export import write_exports
 from pipeline.own.frame import Frame
-from pipeline.own.recording import write_recording
 from pipeline.own.results import Results
 from pipeline.report.page import FOLDER as SHARED
 from pipeline.report.page import Site, environment, render_page, write_files
@@ -28,7 +27,7 @@ def check_replaceable(out_dir: Path) -> None:
 
 
 def write_report(results: Results, out_dir: Path) -> None:
-    """Replace the folder `out_dir` by the report: page, figures, tables, metrics, recording, exports."""
+    """Replace the folder `out_dir` by the report: page, figures, tables, metrics, exports."""
 
     def score(user: str, predictor: str, column: str) -> float:
         return lookup(results.tables["scores"], "scores", column, user=user, predictor=predictor, share=1.0)
@@ -49,7 +48,6 @@ def write_report(results: Results, out_dir: Path) -> None:
     for name, table in tables.items():
         write_table(part / "tables" / f"{name}.parquet", table)
     write_json(part / METRICS, results.metrics)
-    write_recording(part / "recording.rrd", results)
     write_exports(results, part)
     shutil.copy(SHARED / "page.css", part)
     shutil.rmtree(old, ignore_errors=True)

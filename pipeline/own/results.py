@@ -92,7 +92,6 @@ def compute(folder: Folder, given: asked.Given, progress: Callable[[str], object
         "predictions": judged,
         "scores": (scored := fitting.scores(judged)),
         "seeing": fitting.gain_from_seeing(judged, scored),
-        "reliability": fitting.calibration(judged),
         "enough": fitting.enough(judged, VARIANT),
         "disagreement": by_user(lambda one: fitting.disagreement(one, folder)),
     }

@@ -15,7 +15,7 @@ from scipy.special import softmax
 
 from pipeline.models.base import to_tensor
 from pipeline.own.frame import Frame, outline
-from pipeline.own.items import Told
+from pipeline.own.items import MAX_ITEM_SHARE, Told
 from pipeline.perception.objects import SUPERSAMPLING, Object, Objects, Outline, describe_outlined, detect_objects
 from pipeline.perception.segmenter import LOOKS
 from pipeline.world.layout import SIDE, point_segment_distance
@@ -65,6 +65,7 @@ class Seen:
     frame: Frame
     empty: Image | None  # the table without items
     ways: list[str]  # how each scene's items are known: TOLD, EMPTY, STACK or ALONE
+    misfits: list[int]  # scenes whose camera or light is not that of `empty`
     told: dict[int, list[Named]]  # items that somebody outlined, by scene
     found: list[list[Object]]  # what the detector finds in each scene
     doubt: list[float]  # of the detector
@@ -92,9 +93,9 @@ class Seen:
                 parts.append([*self._scene(scene), *(self._final(one, kind) for one in added)])
                 doubts.append(0.0)
             else:
-                found, doubt = _detect([image], self.empty)
-                parts.append([self._final(one) for one in found[0]])
-                doubts.append(doubt[0])
+                found, doubt = detect(image, None if scene in self.misfits else self.empty)
+                parts.append([self._final(one) for one in found])
+                doubts.append(doubt)
         return Objects.of(parts, doubts, len(self.names))
 
     def _scene(self, scene: int) -> list[Object]:
@@ -116,14 +117,23 @@ def look(
     told: Mapping[int, Sequence[Told]],
     empty: Image | None,
     way: str,
+    misfits: Sequence[int] = (),
 ) -> Seen:
-    """Return what stands in pictures; told: items by scene; `empty`: the table without items, known by `way`."""
-    found, doubt = _detect(list(images), empty)
+    """Return what stands in pictures; told: items by scene; `empty`: the table without items, known by `way`.
+
+    misfits: scenes in another light or from another place than `empty`; what stands there is known by the picture
+    alone, as where the comparison finds something as large as the table.
+    """
+    pairs = [detect(image, None if i in misfits else empty) for i, image in enumerate(images)]
+    if empty is not None:
+        misfits = [i for i, (objects, _) in enumerate(pairs) if i in misfits or any(map(_is_huge, objects))]
+        pairs = [detect(images[i], None) if i in misfits else pair for i, pair in enumerate(pairs)]
+    found, doubt = [objects for objects, _ in pairs], [each for _, each in pairs]
     known = {scene: _described(images[scene], items, frame) for scene, items in told.items()}
-    ways = [TOLD if i in known else way for i in range(len(images))]
+    ways = [TOLD if i in known else ALONE if i in misfits else way for i in range(len(images))]
     others = [one for i, objects in enumerate(found) if i not in known for one in objects]
     kinds = Kinds.learn([item for items in known.values() for item in items], others)
-    return Seen(frame, empty, ways, known, found, doubt, kinds)
+    return Seen(frame, empty, ways, list(misfits), known, found, doubt, kinds)
 
 
 def suggest(
@@ -134,25 +144,27 @@ def suggest(
     The kind is that of the items in `told` that look most like it. All outlines are in shares of the table's longer
     side.
     """
-    frame, names = Frame((1.0, 1.0)), list(canvases)
-    images = np.stack([frame.image(canvases[name]) for name in names])
-    items = {i: told[name] for i, name in enumerate(names) if told.get(name)}
-    seen = look(images, frame, items, None, ALONE)
-    found = seen.found[names.index(scene)]
-    kinds = ["" if seen.kinds is None else seen.names[int(seen.kinds.probability(one).argmax())] for one in found]
+    frame = Frame((1.0, 1.0))
+    known = [_described(frame.image(canvases[name]), items, frame) for name, items in told.items()]
+    found, _ = detect(frame.image(canvases[scene]), None)
+    learned = Kinds.learn([item for items in known for item in items], found)
+    kinds = ["" if learned is None else learned.names[int(learned.probability(one).argmax())] for one in found]
     return [(kind, outline(one.ends, np.float64(one.radius))) for kind, one in zip(kinds, found, strict=True)]
 
 
-def _detect(images: Sequence[Image], empty: Image | None) -> tuple[list[list[Object]], list[float]]:
-    """Return the objects that the detector finds in each picture, and its doubt about each."""
-    tables = None if empty is None else to_tensor(np.repeat(empty[None], len(images), 0))
-    objects = detect_objects(to_tensor(np.stack(images)), tables, looks=True)
+def detect(image: Image, empty: Image | None) -> tuple[list[Object], float]:
+    """Return the objects that the detector finds in a picture, and its doubt; `empty`: the table without items."""
+    table = None if empty is None else to_tensor(empty[None])
+    objects = detect_objects(to_tensor(image[None]), table, looks=True)
     fields = objects.ends, objects.radius, objects.features, objects.kinds
-    rows = [
-        [Object(*(field[scene, i] for field in fields)) for i in np.flatnonzero(objects.present[scene])]
-        for scene in range(len(images))
-    ]
-    return rows, objects.doubt.tolist()
+    rows = [Object(*(field[0, i] for field in fields)) for i in np.flatnonzero(objects.present[0])]
+    return rows, float(objects.doubt[0])
+
+
+def _is_huge(one: Object) -> bool:
+    """Return whether an object covers so much of the table that it is no item."""
+    radius, length = float(one.radius), float(np.linalg.norm(one.ends[1] - one.ends[0]))
+    return np.pi * radius**2 + 2 * radius * length > MAX_ITEM_SHARE
 
 
 def _described(image: Image, items: Sequence[Told], frame: Frame) -> list[Named]:

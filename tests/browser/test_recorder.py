@@ -279,3 +279,8 @@ def test_items_are_outlined_by_a_click_named_and_undone(tab: Callable[..., Page]
     (one,) = coco["annotations"]
     ring = np.reshape(one["segmentation"][0], (-1, 2))
     np.testing.assert_allclose((ring.min(0) + ring.max(0)) / 2, pixels([(0.4, 0.5)])[0], atol=6)
+    page.keyboard.press("u")  # the name
+    page.keyboard.press("u")
+    expect(page.locator("#counted")).to_contain_text("the detector decides")
+    expect(page.locator(message)).to_contain_text("Stored: 0 items")
+    assert json.loads((folder / "items.json").read_text())["images"] == []

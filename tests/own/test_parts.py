@@ -98,18 +98,6 @@ def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(fol
 
 
 @pytest.mark.parametrize(
-    ("half", "scenes", "state"), [(0.5, 25, "rising"), (1.0, 25, "flat"), (1.0, 6, "open"), (0.1, 5, "open")]
-)
-def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float, scenes: int, state: str):
-    """No change in 6 scenes proves nothing, nor does any in 5."""
-    keys = ["share", "arrangement", "demo"]
-    judged = pd.MultiIndex.from_product([(1.0, 0.5), range(scenes), range(8)], names=keys).to_frame(index=False)
-    right = np.random.default_rng(1).random(len(judged)) < np.where(judged["share"] == 1, 1.0, half)
-    judged = judged.assign(scene="all", user="Ana", predictor="clearance", valid=True, p=np.where(right, 0.9, 0.1))
-    assert fitting.enough(judged, "clearance")["state"].tolist() == [state]
-
-
-@pytest.mark.parametrize(
     ("blind", "scenes", "state"), [(0.5, 12, "helps"), (0.5, 5, "open"), (1.0, 5, "open"), (1.0, 25, "nothing")]
 )
 def test_that_pictures_help_or_do_not_takes_six_scenes_and_enough_answers(blind: float, scenes: int, state: str):

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
-from pipeline.own.seen import ALONE, TOLD
+from pipeline.own.seen import ALONE, STACK, TOLD
 from pipeline.perception.empty import empty_table
 from tests.factories import RED, WHITE, draw_table
 from tests.own.folders import SCENES, edit, make_folder, write_picture
@@ -19,10 +19,10 @@ SQUARE = [60.0, 60.0, 80.0, 60.0, 80.0, 80.0, 60.0, 80.0]  # in pictures of 100 
 CAPSULES = "scene,kind,x,y,angle_deg,radius_m,half_length_m\n"
 
 
-def coco(*annotations: dict, scene: str = SCENES[0]) -> str:
+def coco(*annotations: dict, scene: str = SCENES[0], **image: int) -> str:
     whole = {"id": 1, "image_id": 1, "category_id": 1, "segmentation": [SQUARE]}
     return json.dumps({
-        "images": [{"id": 1, "file_name": f"{scene}.png"}],
+        "images": [{"id": 1, "file_name": f"{scene}.png"} | image],
         "categories": [{"id": 1, "name": "cup"}, {"id": 2, "name": "pläte"}],
         "annotations": [whole | one for one in annotations],
     })  # fmt: skip
@@ -91,6 +91,13 @@ def test_a_scene_told_to_be_empty_holds_nothing(tmp_path: Path):
         "unknown scene": (coco({}, scene="lunch"), "lists 'lunch', which has no picture"),
         "two numbers": (coco({"segmentation": [[1, 2]]}), "three points or more"),
         "no area": (coco({"segmentation": [[10, 10, 20, 20, 30, 30]]}), "encloses nothing"),
+        "told twice": (coco({}, {"id": 2}), "item 2 of breakfast (cup) is told twice"),
+        "the whole table": (coco({"segmentation": [[0, 0, 99, 0, 99, 99, 0, 99]]}), "covers most of the table"),
+        "another size": (coco({}, width=50, height=50), "breakfast.png has 50 x 50 pixels, its picture 100 x 100"),
+        "an image twice": (
+            coco({}).replace('"images": [', '"images": [{"id": 9, "file_name": "a/breakfast.png"}, '),
+            "lists an image twice",
+        ),
         "no json": ("{", "is no COCO file"),
         "a list": ("[]", "is no COCO file"),
     }.values(),
@@ -109,6 +116,8 @@ def test_a_damaged_mask_is_a_fault(tmp_path: Path):
     (path / "masks" / f"{SCENES[1]}.png").write_bytes(content[: len(content) // 2])
     _, faults = read_folder(path)
     assert len(faults) == 1 and f"masks/{SCENES[1]}.png is truncated or damaged" in faults[0]
+    (path / "masks" / f"{SCENES[1]}.png").rename(path / "masks" / f"{SCENES[1]}.jpg")
+    assert f"masks/{SCENES[1]}.jpg is not read: expected a png" in read_folder(path)[1][0]
 
 
 def test_one_scene_told_twice_is_a_fault(tmp_path: Path):
@@ -149,6 +158,28 @@ def test_a_moved_camera_and_another_light_are_named(tmp_path: Path):
     assert empty is not None and empty.moved == [3] and empty.relit == [7]
 
 
+def test_pictures_that_the_empty_table_does_not_fit_are_read_alone_and_what_never_moves_is_said(tmp_path: Path):
+    path = make_folder(tmp_path)
+    pictures = arrangements(12)
+    for picture in pictures:
+        cv2.circle(picture, (60, 60), 24, (200, 60, 40), -1)
+    pictures[7] = np.clip(pictures[7] * 0.3, 0, 255)
+    for i, picture in enumerate(pictures):
+        write_picture(path / "scenes" / f"{i:02}.png", picture)
+    folder = read(path)
+    ways = dict(zip(folder.scenes, folder.seen.ways, strict=True))
+    assert ways["07"] == ALONE and ways["06"] == STACK
+    said = " ".join(folder.how_seen)
+    assert "The light changed in 07" in said and "items that never move are taken for the table" in said
+
+
+def test_an_empty_table_that_is_another_table_is_not_used(tmp_path: Path):
+    path = make_folder(tmp_path)
+    write_picture(path / "empty.png", draw_table() // 2)
+    folder = read(path)
+    assert set(folder.seen.ways) == {ALONE} and "The empty table does not fit in" in folder.how_seen[1]
+
+
 def test_fewer_than_five_arrangements_give_no_empty_table():
     assert empty_table(arrangements(4)) is None
 
@@ -159,6 +190,8 @@ def test_outlines_survive_their_file():
     }
     text = to_coco(items, {"夕食": "夕食.png"}, {"夕食": (100, 100)})
     assert from_coco(text) == items
+    boxes = coco({"segmentation": [], "bbox": [1, 2, 30, 40]})
+    assert from_coco(boxes)[SCENES[0]] == [Item("cup", [[1, 2], [31, 2], [31, 42], [1, 42]])]
 
 
 @pytest.mark.parametrize("edge", [(0.7, 0.3), (0.7, 0.36)])

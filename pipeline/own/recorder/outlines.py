@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
-from pipeline.own.items import Coco
+from pipeline.own.items import Coco, rings_of
 
 WORKING_PX = 320  # side to which a picture is scaled for a proposal: GrabCut takes .1 s there
 REACH = 0.4  # radius of the search about a click, where nobody dragged to the item's edge, over the longer side
@@ -84,11 +84,10 @@ def to_coco(items: dict[str, list[Item]], files: dict[str, str], sizes: dict[str
 
 
 def from_coco(text: str) -> dict[str, list[Item]]:
-    """Return the items of a COCO file by scene; raise ValueError or KeyError if it is none."""
+    """Return the items of a COCO file by scene; raise ValueError, KeyError or InputError if it is none."""
     coco = Coco.model_validate_json(text)
     items: dict[str, list[Item]] = {scene: [] for scene in coco.scenes.values()}
     for one in coco.annotations:
-        for ring in one.segmentation:
-            points = np.reshape(ring, (-1, 2)).tolist()
-            items[coco.scenes[one.image_id]].append(Item(coco.kinds[one.category_id], points))
+        kind = coco.kinds[one.category_id]
+        items[coco.scenes[one.image_id]] += [Item(kind, ring.tolist()) for ring in rings_of(one)]
     return items

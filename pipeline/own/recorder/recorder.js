@@ -181,10 +181,10 @@ let storing = Promise.resolve(); // changes are stored one after the other
 
 async function startItems() {
   const name = scene.name;
-  const { items, kinds } = await ask(sceneUrl("/api/items/", name));
+  const { items, told, kinds } = await ask(sceneUrl("/api/items/", name));
   if (scene.name !== name || step !== "items") return;
   showKinds(kinds);
-  const tool = new OutlineTool({ items, found: [], propose: (point, edge) => attempt(() => outline(tool, name, point, edge)), changed: () => store(tool, name) });
+  const tool = new OutlineTool({ items, told, found: [], propose: (point, edge) => attempt(() => outline(tool, name, point, edge)), changed: () => store(tool, name) });
   board.tool = tool;
   showItem(tool);
   say("Looking for items …");
@@ -192,7 +192,8 @@ async function startItems() {
   await attempt(async () => {
     const { found } = await ask(sceneUrl("/api/found/", name));
     tool.found = found.filter(one => !tool.items.some(item => overlap(item.points, one.points)));
-    if (board.tool === tool) say(`${tool.found.length} items found, broken outlines: click to accept, or A for all. Click what is missing.`);
+    const more = `${tool.found.length} items found, broken outlines: click to accept, or A for all. Click what is missing.`;
+    if (board.tool === tool) say(tool.found.length ? more : "No other items found. Click what is missing.");
   });
   showItem(tool);
   board.redraw();
@@ -206,9 +207,9 @@ async function outline(tool, name, point, edge) {
 }
 
 function store(tool, name) {
-  const { items } = tool;
+  const { items, isTold } = tool;
   storing = storing.then(() => attempt(async () => {
-    await ask("/api/items", { scene: name, kinds: items.map(item => item.kind), outlines: items.map(item => item.points) });
+    await ask("/api/items", { scene: name, told: isTold, kinds: items.map(item => item.kind), outlines: items.map(item => item.points) });
     showKinds((await ask(sceneUrl("/api/items/", name))).kinds);
     say(`Stored: ${items.length} ${items.length === 1 ? "item" : "items"} in this scene.`, "good");
   }));
@@ -229,7 +230,8 @@ function showItem(tool) {
   $("delete").disabled = !item;
   $("undo-items").disabled = !tool.history.length;
   $("accept").disabled = !tool.found.length;
-  $("counted").textContent = `${tool.items.length} outlined. Scenes with outlines here are read as they are; others are left to the detector.`;
+  const none = tool.isTold ? "Told to be a table without items." : "Nothing is outlined: the detector decides what stands here.";
+  $("counted").textContent = tool.items.length ? `${tool.items.length} outlined: the models see these alone in this scene.` : none;
 }
 
 const showKinds = kinds => $("kinds").replaceChildren(...kinds.map(kind => element("option", null, { value: kind })));

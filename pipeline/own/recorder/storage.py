@@ -149,10 +149,11 @@ class Recordings:
             self._write_paths(self._table().drop(self._path(id).index))
 
     def items(self, scene: str) -> dict[str, Any]:
-        """Return the stored items of a scene, and all kinds that are named."""
+        """Return the stored items of a scene, whether it is told what stands there, and all kinds that are named."""
         stored = self._items()
         kinds = {item.kind for items in stored.values() for item in items if item.kind}
-        return {"items": [item._asdict() for item in stored.get(scene, [])], "kinds": sorted(kinds)}
+        shown = [item._asdict() for item in stored.get(scene, [])]
+        return {"items": shown, "told": scene in stored, "kinds": sorted(kinds)}
 
     @as_sent
     def propose(self, scene: str, point: Point, edge: Point) -> dict[str, Any]:
@@ -161,8 +162,11 @@ class Recordings:
         return {"points": propose(read_picture(path, path.name), point, edge)}
 
     @as_sent
-    def place_items(self, scene: str, kinds: list[str], outlines: list[Outlined]) -> None:
-        """Replace the items of a scene; outlines [column, row] of its picture; kinds: "" where nobody names one."""
+    def place_items(self, scene: str, kinds: list[str], outlines: list[Outlined], told: bool = True) -> None:
+        """Replace the items of a scene; outlines [column, row] of its picture; kinds: "" where nobody names one.
+
+        told: a scene without items is told to be empty; else it is left to the detector again.
+        """
         size = np.array(self.picture_size(scene))
         for points in map(np.array, outlines):
             if crosses_itself(points):
@@ -173,7 +177,7 @@ class Recordings:
             scenes, items = self._scenes(), self._items()
             named = [tidy_name(kind) if kind else "" for kind in kinds]
             items[scene] = [Item(kind, points) for kind, points in zip(named, outlines, strict=True)]
-            kept = {name: items[name] for name in scenes if name in items}
+            kept = {name: items[name] for name in scenes if name in items and (told or name != scene)}
             sizes = {name: self.picture_size(name) for name in kept}
             self._write(COCO, to_coco(kept, {name: scenes[name].name for name in kept}, sizes))
 
@@ -257,7 +261,7 @@ class Recordings:
         path = self._inside(self.folder / COCO)
         try:
             return from_coco(path.read_text(encoding="utf-8")) if path.exists() else {}
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, InputError) as error:
             raise InputError(f"{COCO} cannot be read ({error!r}): move it away, or correct it") from error
 
     def _read(self, path: Path, read: Callable[[Path], Any]) -> Any:

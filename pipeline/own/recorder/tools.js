@@ -103,12 +103,14 @@ export class OutlineTool { // outlines items: click to propose, accept or choose
   continuous = false;
   busy = false;
 
-  constructor({ items, found, propose, changed }) { // items, found: [{kind, points}]; propose(point, edge) adds one
-    Object.assign(this, { items, found, propose, changed });
+  constructor({ items, told, found, propose, changed }) { // items, found: [{kind, points}]; told: what stands here, before; propose(point, edge) adds one
+    Object.assign(this, { items, told, found, propose, changed });
     this.chosen = -1;
     this.unit = 1;
     this.history = [];
   }
+
+  get isTold() { return this.told || this.history.length > 0; }
 
   keep() { this.history.push(structuredClone(this.items)); }
 

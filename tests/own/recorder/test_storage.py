@@ -92,6 +92,13 @@ def test_a_path_that_nobody_judged_is_judged_once_in_all_of_its_rows(recordings:
         recordings.judge(path["id"], True)
 
 
+def test_a_scene_without_items_is_told_to_be_empty_or_left_to_the_detector(recordings: Recordings):
+    recordings.place_items("first", [], [])
+    assert recordings.items("first")["told"] and not recordings.items("second")["told"]
+    recordings.place_items("first", [], [], told=False)
+    assert not recordings.items("first")["told"]
+
+
 def test_corners_of_one_picture_leave_those_of_the_others_and_crossing_ones_are_refused(recordings: Recordings):
     before, crossed = (recordings.folder / "table.yaml").read_text(), np.array(CORNERS, float)[[0, 2, 1, 3]].tolist()
     with pytest.raises(InputError, match="convex"):
