@@ -16,12 +16,26 @@ from pydantic import ValidationError
 
 from pipeline.own import files
 from pipeline.own.files import DEMONSTRATIONS, KEY, SCENES, SETTINGS, Settings
-from pipeline.own.importing.segments import MIN_PATH_M, Choices, Recording, check_times, cut, grip, guess_unit, on_table
+from pipeline.own.importing.segments import (
+    MIN_PATH_M,
+    REST_M,
+    Choices,
+    Recording,
+    check_times,
+    cut,
+    grip,
+    guess_unit,
+    on_table,
+    without_ways_back,
+)
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import PNG_SIGNATURE, image_size
 
 BAGS, TEXTS = (".mcap", ".db3", ".bag"), (".csv", ".tsv", ".txt")
-ACCEPTED, REJECTED = ("true", "yes", "good", "valid", "1"), ("false", "no", "bad", "invalid", "0")  # words of labels
+ACCEPTED, REJECTED = (
+    ("true", "yes", "good", "valid", "1", "1.0"),
+    ("false", "no", "bad", "invalid", "0", "0.0"),
+)  # words of labels
 VALID: dict[str, str] = {"": ""} | dict.fromkeys(ACCEPTED, "true") | dict.fromkeys(REJECTED, "false")
 HEADER = "# docs/own-tables.md says what each line is, docs/import.md what stands below `import`.\n"
 Read = Callable[[Path, Choices], tuple[list[Recording], Choices, list[str]]]
@@ -39,7 +53,9 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--gripper", help="topic, topic:joint or column; demonstrations are while it is closed")
     parser.add_argument("--label", help="topic or column of what the person accepts, or a csv file with scene, valid")
     parser.add_argument("--size", metavar="WIDTH,DEPTH", help="of the table [m]")
-    parser.add_argument("--columns", metavar="x=NAME,y=NAME,t=NAME", help="in a csv file or a data set")
+    parser.add_argument(
+        "--columns", metavar="x=NAME,y=NAME,t=NAME", help="in a csv file (user=, demo=, scene=, too) or a data set"
+    )
     parser.add_argument("--user", default="me", help="whose demonstrations they are, where the log names nobody")
     options = {name: value for name, value in vars(parser.parse_args(arguments)).items() if value is not None}
     logs, folder, user = options.pop("logs"), options.pop("folder").resolve(), options.pop("user")
@@ -54,8 +70,8 @@ def main(arguments: Sequence[str]) -> int:
         listed = words.to_dict()
     if "columns" in options:
         options["columns"] = dict(one.partition("=")[::2] for one in options["columns"].split(","))
-        if wrong := options["columns"].keys() - set("txy"):
-            raise InputError(f"--columns names {min(wrong)!r}: expected some of x=NAME,y=NAME,t=NAME")
+        if wrong := options["columns"].keys() - {*"txy", *KEY}:
+            raise InputError(f"--columns names {min(wrong)!r}: expected some of {', '.join([*'txy', *KEY])}")
     held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     if (folder.exists() and not folder.is_dir()) or {*held} - {SETTINGS} or (held and "size" in options):
         what = f"{folder} holds {', '.join(held) or 'no folder'}"
@@ -164,7 +180,9 @@ def _write(
     """Write pictures and demonstrations.csv into an empty folder; return remarks. InputError if nothing moves."""
     size = settings.size_m
     metres = [on_table(recording.places, choices, size[1]) for recording in recordings]
-    runs = [cut(recording, places, choices, middle) for recording, places in zip(recordings, metres, strict=True)]
+    moves = [cut(recording, places, choices, middle) for recording, places in zip(recordings, metres, strict=True)]
+    runs = list(map(without_ways_back, metres, moves)) if choices.segments == "stops" else moves
+    returns = sum(map(len, moves)) - sum(map(len, runs))
     totals, numbers, tables, shown = Counter[str](), Counter[Any](), [], dict[str, bool | None]()
     for recording, parts in zip(recordings, runs, strict=True):
         totals[recording.name] += len(parts)
@@ -212,14 +230,18 @@ def _write(
     bare = [scene for scene, fits in shown.items() if fits is None]
     unlabelled = len(table[table["valid"] == ""].drop_duplicates(KEY))
     notes = {
-        f"{len(tables)} demonstrations, x from {left:g} to {right:g} m, y from {near:g} to {far:g} m": True,
+        f"demonstrations: {len(tables)}, x from {left:g} to {right:g} m, y from {near:g} to {far:g} m": True,
         f"these leave the table of {size[0]:g} by {size[1]:g} m: correct size_m, unit, origin, turn_deg or y": (
             min(left, near) < 0 or right > size[0] or far > size[1]
         ),
-        f"{len(bare)} scenes have no picture: add {SCENES}/{min(bare, default='')}.jpg, and so on": len(bare) > 0,
+        f"movements back to where the one before began, left out: {returns}; `segments: moves` keeps them": returns > 0,
+        "x or y stays the same: choose the columns of the table's plane, or the table's frame": (
+            min(right - left, far - near) < REST_M
+        ),
+        f"scenes without a picture: {len(bare)}; add {SCENES}/{min(bare, default='')}.jpg, and so on": len(bare) > 0,
         "the pictures show more than the table: mark its corners with the recorder": (
             settings.corners is None and False in shown.values()
         ),
-        f"{unlabelled} demonstrations have no label: judge them with the recorder": unlabelled > 0,
+        f"demonstrations without a label: {unlabelled}; judge them with the recorder": unlabelled > 0,
     }
     return [note for note, holds in notes.items() if holds]
