@@ -16,26 +16,14 @@ from pydantic import ValidationError
 
 from pipeline.own import files
 from pipeline.own.files import DEMONSTRATIONS, KEY, SCENES, SETTINGS, Settings
-from pipeline.own.importing.segments import (
-    MIN_PATH_M,
-    REST_M,
-    Choices,
-    Recording,
-    check_times,
-    cut,
-    grip,
-    guess_unit,
-    on_table,
-    without_ways_back,
-)
+from pipeline.own.importing import segments
+from pipeline.own.importing.segments import Choices, Recording
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import PNG_SIGNATURE, image_size
 
 BAGS, TEXTS = (".mcap", ".db3", ".bag"), (".csv", ".tsv", ".txt")
-ACCEPTED, REJECTED = (
-    ("true", "yes", "good", "valid", "1", "1.0"),
-    ("false", "no", "bad", "invalid", "0", "0.0"),
-)  # words of labels
+ACCEPTED = ("true", "yes", "good", "valid", "1", "1.0")  # words of labels
+REJECTED = ("false", "no", "bad", "invalid", "0", "0.0")
 VALID: dict[str, str] = {"": ""} | dict.fromkeys(ACCEPTED, "true") | dict.fromkeys(REJECTED, "false")
 HEADER = "# docs/own-tables.md says what each line is, docs/import.md what stands below `import`.\n"
 Read = Callable[[Path, Choices], tuple[list[Recording], Choices, list[str]]]
@@ -53,9 +41,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--gripper", help="topic, topic:joint or column; demonstrations are while it is closed")
     parser.add_argument("--label", help="topic or column of what the person accepts, or a csv file with scene, valid")
     parser.add_argument("--size", metavar="WIDTH,DEPTH", help="of the table [m]")
-    parser.add_argument(
-        "--columns", metavar="x=NAME,y=NAME,t=NAME", help="in a csv file (user=, demo=, scene=, too) or a data set"
-    )
+    parser.add_argument("--columns", metavar="x=NAME,y=NAME", help="t=, too, and in a csv file scene=, user=, demo=")
     parser.add_argument("--user", default="me", help="whose demonstrations they are, where the log names nobody")
     options = {name: value for name, value in vars(parser.parse_args(arguments)).items() if value is not None}
     logs, folder, user = options.pop("logs"), options.pop("folder").resolve(), options.pop("user")
@@ -89,20 +75,19 @@ def main(arguments: Sequence[str]) -> int:
     if not recordings:
         raise InputError("the logs hold no recording: expected at least one")
     for recording in recordings:
-        check_times(recording)
-    middle, closed = grip(recordings) if choices.gripper else (0.0, None)
+        segments.check_times(recording)
+    middle, closed = segments.grip(recordings) if choices.gripper else (0.0, None)
     cuts = "gripper" if choices.gripper else "whole" if all(recording.whole for recording in recordings) else "stops"
-    guesses = {"unit": None if choices.unit else guess_unit(recordings), "y": "up", "segments": cuts, "closed": closed}
+    unit = choices.unit or segments.guess_unit(recordings)
+    guesses = {"unit": unit, "y": "up", "segments": cuts, "closed": closed}
     guessed = {name: value for name, value in guesses.items() if value and getattr(choices, name) is None}
     choices = choices.model_copy(update=guessed)
     lines = [
         f"  {name}: {json.dumps(value, ensure_ascii=False)}{'  # guessed' if name in guessed else ''}\n"  # JSON is YAML
         for name, value in choices.model_dump(exclude_none=True).items()
     ]
-    section, staged = (
-        f"import:\n{''.join(lines)}",
-        next(one for one in folder.parents if one.is_dir()) / f".part-{folder.name}",
-    )
+    section = f"import:\n{''.join(lines)}"
+    staged = next(one for one in folder.parents if one.is_dir()) / f".part-{folder.name}"
     shutil.rmtree(staged, ignore_errors=True)  # of a run that was killed
     try:
         (staged / SCENES).mkdir(parents=True)
@@ -179,16 +164,17 @@ def _write(
 ) -> list[str]:
     """Write pictures and demonstrations.csv into an empty folder; return remarks. InputError if nothing moves."""
     size = settings.size_m
-    metres = [on_table(recording.places, choices, size[1]) for recording in recordings]
-    moves = [cut(recording, places, choices, middle) for recording, places in zip(recordings, metres, strict=True)]
-    runs = list(map(without_ways_back, metres, moves)) if choices.segments == "stops" else moves
+    metres = [segments.on_table(recording.places, choices, size[1]) for recording in recordings]
+    moves = [segments.cut(one, places, choices, middle) for one, places in zip(recordings, metres, strict=True)]
+    runs = list(map(segments.without_ways_back, metres, moves)) if choices.segments == "stops" else moves
     returns = sum(map(len, moves)) - sum(map(len, runs))
     totals, numbers, tables, shown = Counter[str](), Counter[Any](), [], dict[str, bool | None]()
     for recording, parts in zip(recordings, runs, strict=True):
         totals[recording.name] += len(parts)
     if not totals.total():
         used = choices.model_dump_json(exclude_none=True)
-        raise InputError(f"no movement is {MIN_PATH_M:g} m long: correct unit, topic, columns or segments of {used}")
+        least = f"{segments.MIN_PATH_M:g} m"
+        raise InputError(f"no movement is {least} long: correct unit, topic, columns or segments of {used}")
     for recording, places, parts in zip(recordings, metres, runs, strict=True):
         begins, name = [int(part[0]) for part in parts], recording.name
         with _readable(f"a picture of {name}"):
@@ -198,16 +184,10 @@ def _write(
                 tidy = re.sub(r"[^\w.-]+", "-", files.normal(base)).strip("-.")
                 labels = {"scene": tidy, "user": user} | recording.labels
                 scene = labels["scene"]
-                wrong = [
-                    role
-                    for role in KEY
-                    if not files.is_printable(labels.get(role, "1")) or not labels.get(role, "1").strip()
-                ]
-                wrong += ["scene"] * bool({*scene} & {*"/\\"})
-                if wrong:
-                    raise InputError(
-                        f"{wrong[0]} is {labels[wrong[0]]!r}: expected a name, of a file if it is the scene's"
-                    )
+                named = {role: name for role, name in labels.items() if role in KEY}
+                wrong = [role for role, name in named.items() if not (files.is_printable(name) and name.strip())]
+                for role in wrong + ["scene"] * bool({*scene} & {*"/\\"}):
+                    raise InputError(f"{role} is {named[role]!r}: expected a name, of a file if it is the scene's")
                 numbers[scene, labels["user"]] += 1
                 heard = [word for after, word in recording.words if rows[0] < after <= end]
                 word = listed.get(scene, heard[-1] if heard else "")
@@ -235,8 +215,8 @@ def _write(
             min(left, near) < 0 or right > size[0] or far > size[1]
         ),
         f"movements back to where the one before began, left out: {returns}; `segments: moves` keeps them": returns > 0,
-        "x or y stays the same: choose the columns of the table's plane, or the table's frame": (
-            min(right - left, far - near) < REST_M
+        "x or y stays the same: choose the table's plane by --columns or --frame": (
+            min(right - left, far - near) < segments.REST_M
         ),
         f"scenes without a picture: {len(bare)}; add {SCENES}/{min(bare, default='')}.jpg, and so on": len(bare) > 0,
         "the pictures show more than the table: mark its corners with the recorder": (
