@@ -63,10 +63,10 @@ def control_columns(degree: int) -> list[str]:
 def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.DataFrame:
     """Return how far curves of each degree pass from the parts of a hand's path that they were not fitted to.
 
-    Columns: degree, demonstrations, left_out_m (root mean square distance, mean over demonstrations, so that a few of a
-    higher degree count), error (standard error of the difference from the best; both in metres on the table) and
-    chosen: the lowest degree within one standard error of the best. Each path is cut into BLOCKS parts, of which every
-    other one is left out, in turn. Without two paths of enough samples the lowest degree is chosen.
+    Columns: degree, demonstrations, left_out_m (root mean square distance, median over demonstrations, since fits to a
+    folded path may not find its tip), error (its standard error; both in metres on the table) and chosen: the lowest
+    degree within one standard error of the best. Each path is cut into BLOCKS parts, of which every other one is left
+    out, in turn. Without two paths of enough samples the lowest degree is chosen.
     """
     long = [points for points in hands if len(points) >= 4 * max(DEGREES)]
     tried = [long[i] for i in np.linspace(0, len(long) - 1, min(TRIED, len(long))).astype(int)]
@@ -74,11 +74,11 @@ def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.Data
     table = pd.DataFrame({"degree": DEGREES, "demonstrations": len(tried)})
     if len(tried) < 2:
         return table.assign(left_out_m=np.nan, error=np.nan, chosen=table.index == 0)
-    mean = away.mean(axis=0)
-    best = int(mean.argmin())
-    error = (away - away[:, [best]]).std(0, ddof=1) / np.sqrt(len(tried))
-    chosen = int((mean <= mean[best] + error).argmax())
-    return table.assign(left_out_m=mean / scale, error=error / scale, chosen=table.index == chosen)
+    middle = np.median(away, axis=0)
+    best = int(middle.argmin())
+    error = (away - away[:, [best]]).std(0, ddof=1) / np.sqrt(len(tried))  # of the difference from the best
+    chosen = int((middle <= middle[best] + error).argmax())
+    return table.assign(left_out_m=middle / scale, error=error / scale, chosen=table.index == chosen)
 
 
 def _left_out(points: Float[Array, "sample 2"], degree: int) -> float:

@@ -95,12 +95,8 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     why = f", or before the first transform to {table}" if table else ""
     notes = [f"{lost} poses were left out: no numbers{why}"] if lost else []
     topic, picture = (connections[0].topic if connections else None for connections in (poses, cameras))
-    found = {
-        "topic": topic,
-        "picture": picture,
-        "frame": choices.frame or next(iter(frames)),
-        "unit": choices.unit,
-    }
+    frame = choices.frame or next(iter(frames))
+    found = {"topic": topic, "picture": picture, "frame": frame, "unit": choices.unit}
     widest = max(float(np.ptp(np.reshape(track, (-1, 5))[:, 1:3], axis=0).max()) for track in tracks if track)
     if widest <= SPANS_M[1]:  # metres, as ROS prescribes; others publish millimetres
         found["unit"] = found["unit"] or "m"

@@ -39,21 +39,12 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--frame", help="TF frame of the table: its near left corner, x right, y away from the person")
     parser.add_argument("--picture", help="topic or camera of the scenes' pictures")
     parser.add_argument("--gripper", help="topic, topic:joint or column; demonstrations are while it is closed")
-    parser.add_argument("--label", help="topic or column of what the person accepts, or a csv file with scene, valid")
+    parser.add_argument("--label", help="topic or column of what the person accepts")
     parser.add_argument("--size", metavar="WIDTH,DEPTH", help="of the table [m]")
     parser.add_argument("--columns", metavar="x=NAME,y=NAME", help="t=, too, and in a csv file scene=, user=, demo=")
     parser.add_argument("--user", default="me", help="whose demonstrations they are, where the log names nobody")
     options = {name: value for name, value in vars(parser.parse_args(arguments)).items() if value is not None}
     logs, folder, user = options.pop("logs"), options.pop("folder").resolve(), options.pop("user")
-    listed, label = {}, Path(options.get("label", ""))
-    if label.suffix == ".csv":
-        del options["label"]
-        if not label.is_file():
-            raise InputError(f"--label {label} is missing: expected a csv file with scene, valid, or a topic or column")
-        words = files.read_csv(label, ["scene", "valid"]).set_index("scene")["valid"]
-        if twice := words.index[words.index.duplicated()].tolist():
-            raise InputError(f"{label} names {twice[0]} twice: expected one row for each scene; remove the other")
-        listed = words.to_dict()
     if "columns" in options:
         options["columns"] = dict(one.partition("=")[::2] for one in options["columns"].split(","))
         if wrong := options["columns"].keys() - {*"txy", *KEY}:
@@ -61,9 +52,8 @@ def main(arguments: Sequence[str]) -> int:
     held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     if (folder.exists() and not folder.is_dir()) or {*held} - {SETTINGS} or (held and "size" in options):
         what = f"{folder} holds {', '.join(held) or 'no folder'}"
-        raise InputError(
-            f"{what}: expected a new folder, or one with {SETTINGS} alone and no --size; move the rest away"
-        )
+        expected = f"a new folder, or one with {SETTINGS} alone and no --size"
+        raise InputError(f"{what}: expected {expected}; move the rest away")
     settings, choices = _confirmed(folder, options)
     recordings, notes = list[Recording](), list[str]()
     for log in logs:
@@ -91,7 +81,7 @@ def main(arguments: Sequence[str]) -> int:
     shutil.rmtree(staged, ignore_errors=True)  # of a run that was killed
     try:
         (staged / SCENES).mkdir(parents=True)
-        notes += _write(staged, recordings, choices, middle, settings, user, listed)
+        notes += _write(staged, recordings, choices, middle, settings, user)
         if not held:
             width, depth = settings.size_m
             text = f"{HEADER}size_m: [{width:g}, {depth:g}]  # width and depth of the table [m]\n{section}"
@@ -154,13 +144,7 @@ def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Settings, Choices
 
 
 def _write(
-    folder: Path,
-    recordings: Sequence[Recording],
-    choices: Choices,
-    middle: float,
-    settings: Settings,
-    user: str,
-    listed: dict[str, str],
+    folder: Path, recordings: Sequence[Recording], choices: Choices, middle: float, settings: Settings, user: str
 ) -> list[str]:
     """Write pictures and demonstrations.csv into an empty folder; return remarks. InputError if nothing moves."""
     size = settings.size_m
@@ -190,7 +174,7 @@ def _write(
                     raise InputError(f"{role} is {named[role]!r}: expected a name, of a file if it is the scene's")
                 numbers[scene, labels["user"]] += 1
                 heard = [word for after, word in recording.words if rows[0] < after <= end]
-                word = listed.get(scene, heard[-1] if heard else "")
+                word = heard[-1] if heard else ""
                 if word.lower() not in VALID:
                     expected = ", ".join(filter(None, VALID))
                     raise InputError(f"the label of {scene} is {word!r}: expected one of {expected}")
@@ -202,8 +186,6 @@ def _write(
                     shown[scene] = files.has_shape(*image_size(path), size)
                 t, (x, y) = recording.t[rows] - recording.t[rows[0]], places[rows].T
                 tables.append(pd.DataFrame({"t": t.round(3), "x": x.round(4), "y": y.round(4)}).assign(**labels))
-    if unknown := listed.keys() - shown.keys():
-        raise InputError(f"--label names {', '.join(sorted(unknown))}: expected some of {', '.join(shown)}; correct it")
     table = pd.concat(tables)[files.COLUMNS[DEMONSTRATIONS]]
     table.to_csv(folder / DEMONSTRATIONS, index=False, lineterminator="\n")
     (left, near), (right, far) = table[["x", "y"]].min(), table[["x", "y"]].max()

@@ -2,7 +2,6 @@
 
 import csv
 import re
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Collection
 from pathlib import Path
 
@@ -45,7 +44,7 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     """Return the recordings, the choices with what was found, and remarks; InputError for an unusable file."""
     content = path.read_bytes()
     try:
-        lines = content.decode("utf-16" if content[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig").splitlines()
+        lines = content.decode("utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig").splitlines()
     except UnicodeDecodeError:
         lines = content.decode("cp1252", "replace").splitlines()  # as Windows saves csv
     number, delimiter, names, columns = _header(path, lines, choices)

@@ -50,6 +50,10 @@ def assert_is_hand(demos: pd.DataFrame, count: int = 2) -> None:
         assert rows["t"].iloc[0] == 0 and 1.9 < rows["t"].iloc[-1] < 2.6
 
 
+def plan(begin: float) -> Any:
+    return bags.make("nav_msgs/Path", bags.header(0, "table"), [bags.posed(t + begin, x, y) for t, x, y in hand(1)])
+
+
 POSES: dict[str, tuple[Callable[[], list[bags.Entry]], list[str]]] = {
     "PoseStamped": (lambda: [(t, "/hand", bags.posed(t, x, y)) for t, x, y in hand()], []),
     "Odometry": (lambda: [(t, "/odom", bags.odometry(t, x, y)) for t, x, y in hand()], []),
@@ -57,17 +61,7 @@ POSES: dict[str, tuple[Callable[[], list[bags.Entry]], list[str]]] = {
         lambda: [(t, "/tf", bags.tf(t, "table", "hand", x, y)) for t, x, y in hand()],
         ["--hand", "hand", "--frame", "table"],
     ),
-    "Path": (
-        lambda: [
-            (
-                9.0 * i,
-                "/plan",
-                bags.make("nav_msgs/Path", bags.header(0, "table"), [bags.posed(t + i, x, y) for t, x, y in hand(1)]),
-            )
-            for i in (0, 1, 1)  # the second is published twice
-        ],
-        [],
-    ),
+    "Path": (lambda: [(9.0 * i, "/plan", plan(i)) for i in (0, 1, 1)], []),  # the second is published twice
 }
 
 
