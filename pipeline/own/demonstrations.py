@@ -40,7 +40,7 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
         if count == len(samples.drop_duplicates(KEY)):
             faults.append(f"{file}, row {bare.index[0]}: no demonstration has a label: {judge}")
             return None
-        faults.notes.append(f"{count} demonstrations have no label and are left out: {judge}")
+        faults.notes.append(f"demonstrations without a label, left out: {count}; {judge}")
         samples = samples[samples["valid"] != ""]
     valid, name = samples["valid"].str.lower() == "true", samples["scene"].str.cat(samples[KEY[1:]], sep=", ")
     samples = samples.assign(valid=valid, name=name).sort_values(KEY, kind="stable")
@@ -51,7 +51,7 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
             few = f"has {count} scenes: expected at least {MIN_SCENES}"
             faults.append(f"{where} user {user} {few}; add demonstrations, or leave the user out")
         if rows["valid"].nunique() == 1:
-            alike = f"all {len(rows)} demonstrations of user {user} are {'' if rows['valid'].iloc[0] else 'in'}valid"
+            alike = f"user {user} has {'' if rows['valid'].iloc[0] else 'in'}valid demonstrations alone"
             faults.append(f"{where} {alike}: expected both; add the other kind, or leave the user out")
     return samples if len(faults) == before else None
 

@@ -30,10 +30,9 @@ PATH, STAMPED = "nav_msgs/msg/Path", "geometry_msgs/msg/PoseStamped"
 
 def write_exports(results: Results, folder: Path) -> None:
     """Write all of them into a folder."""
-    text = yaml.safe_dump(specification(results), sort_keys=False, allow_unicode=True)
-    (folder / SPECIFICATION).write_text(
-        "# Lengths in metres. docs/own-tables.md says what each line is.\n" + text, encoding="utf-8"
-    )
+    text = "# Lengths in metres. docs/own-tables.md says what each line is.\n"
+    text += yaml.safe_dump(specification(results), sort_keys=False, allow_unicode=True)
+    (folder / SPECIFICATION).write_text(text, encoding="utf-8")
     (folder / MASKS).mkdir()
     size_m, objects = results.folder.frame.size_m, results.folder.seen.objects
     for number, (user, fitted) in enumerate(results.fitted.items(), 1):
@@ -88,10 +87,8 @@ def write_mask(stem: Path, mask: Bool[Array, "row column"], side_m: float, title
     stem.with_suffix(".pgm").write_bytes(cv2.imencode(".pgm", grey)[1].tobytes())
     told = {"image": f"{stem.name}.pgm", "mode": "trinary", "resolution": side_m / FIELDS, "origin": [0.0, 0.0, 0.0]}
     told |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
-    text = yaml.safe_dump(told, sort_keys=False)
-    stem.with_suffix(".yaml").write_text(
-        f"# {''.join(c if c.isprintable() else '?' for c in title)}\n{text}", encoding="utf-8"
-    )
+    text = f"# {''.join(c if c.isprintable() else '?' for c in title)}\n{yaml.safe_dump(told, sort_keys=False)}"
+    stem.with_suffix(".yaml").write_text(text, encoding="utf-8")
 
 
 def _write_bag(folder: Path, results: Results) -> None:

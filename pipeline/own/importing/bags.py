@@ -23,9 +23,13 @@ from pipeline.world.images import JPEG_SIGNATURE, PNG_SIGNATURE
 PATH, TF = "nav_msgs/msg/Path", "tf2_msgs/msg/TFMessage"
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped", "nav_msgs/msg/Odometry", PATH)
 PICTURES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
-CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}  # encodings of a sensor_msgs/Image
-TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "rgba8": cv2.COLOR_RGBA2BGR, "bgra8": cv2.COLOR_BGRA2BGR}
+BAYER = {
+    f"bayer_{cells}8": getattr(cv2, f"COLOR_Bayer{cells.upper()}2BGR") for cells in ("rggb", "bggr", "gbrg", "grbg")
+}
+CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC3": 3, "8UC1": 1, **dict.fromkeys(BAYER, 1)}
+TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "rgba8": cv2.COLOR_RGBA2BGR, "bgra8": cv2.COLOR_BGRA2BGR, **BAYER}
 BEFORE_NS = [10**9, 10**10, 10**11, 2**62]  # how far back a demonstration's picture is looked for, step by step
+LATE_NS = 10**9  # how much later than its demonstration a picture may be: a camera that started after the robot
 ORIGIN = SimpleNamespace(x=0.0, y=0.0, z=0.0)  # of a frame that moves
 PLAN_STEP_S = 0.1  # assumed between the poses of a nav_msgs/Path without times
 Parents = dict[str, tuple[str, Float[Array, "4 4"]]]  # of TF frames: the parent's name, the transform to it
@@ -38,9 +42,11 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     tracks = list[array]()  # t [s], x, y, gripper, when the bag received it [ns], t ... of each recording
     said = list[tuple[int, str]]()  # labels, with when the bag received them [ns]
     with opened(path) as bag:
+        transforms = [c for c in bag.connections if c.msgtype == TF and (hand or table)]
+        fixed = [c for c in transforms if not table or c.topic.endswith("tf_static")]  # hold from the beginning
+        for _, _, raw in bag.messages(fixed) if fixed else ():
+            update(parents, bag.deserialize(raw, TF))
         if hand and not table:
-            for _, _, raw in bag.messages([c for c in bag.connections if c.msgtype == TF]):
-                update(parents, bag.deserialize(raw, TF))
             raise InputError(f"--hand needs the table's frame: add --frame; TF holds {_known(parents)}")
         poses = [] if hand else choose(bag, choices.topic, "--topic", POSES)
         if not poses and not hand:
@@ -50,7 +56,7 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
         grippers = choose(bag, gripper, "--gripper") if gripper else []
         labels = choose(bag, choices.label, "--label") if choices.label else []
         cameras = choose(bag, choices.picture, "--picture", PICTURES)
-        tf = [c for c in bag.connections if c.msgtype == TF and table]
+        tf = [c for c in transforms if c not in fixed]
         for connection, logged, raw in bag.messages([*poses, *grippers, *labels, *tf]):
             message, samples = bag.deserialize(raw, connection.msgtype), []
             if connection in tf:
@@ -89,12 +95,8 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     why = f", or before the first transform to {table}" if table else ""
     notes = [f"{lost} poses were left out: no numbers{why}"] if lost else []
     topic, picture = (connections[0].topic if connections else None for connections in (poses, cameras))
-    found = {
-        "topic": topic,
-        "picture": picture,
-        "frame": choices.frame or next(iter(frames)),
-        "unit": choices.unit,
-    }
+    frame = choices.frame or next(iter(frames))
+    found = {"topic": topic, "picture": picture, "frame": frame, "unit": choices.unit}
     widest = max(float(np.ptp(np.reshape(track, (-1, 5))[:, 1:3], axis=0).max()) for track in tracks if track)
     if widest <= SPANS_M[1]:  # metres, as ROS prescribes; others publish millimetres
         found["unit"] = found["unit"] or "m"
@@ -185,10 +187,10 @@ def _value(message: Any, joint: str, held: float) -> float:
 
 
 def _picture(bag: Any, cameras: Sequence[Any], logged: int) -> bytes | None:
-    """Return the newest picture before a time [ns], or the first one after it, as png or jpeg."""
+    """Return the newest picture before a time [ns], or the first one soon after it, as png or jpeg."""
     spans = (bag.messages(cameras, max(logged - before, 0), logged) for before in BEFORE_NS)
     found = next((newest[0] for span in spans if (newest := deque(span, maxlen=1))), None)
-    found = found or next(bag.messages(cameras, logged), None)
+    found = found or next(bag.messages(cameras, logged, logged + LATE_NS), None)
     if found is None:
         return None
     topic, message = found[0].topic, bag.deserialize(found[2], found[0].msgtype)

@@ -16,12 +16,14 @@ from pydantic import ValidationError
 
 from pipeline.own import files
 from pipeline.own.files import DEMONSTRATIONS, KEY, SCENES, SETTINGS, Settings
-from pipeline.own.importing.segments import MIN_PATH_M, Choices, Recording, check_times, cut, grip, guess_unit, on_table
+from pipeline.own.importing import segments
+from pipeline.own.importing.segments import Choices, Recording
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import PNG_SIGNATURE, image_size
 
 BAGS, TEXTS = (".mcap", ".db3", ".bag"), (".csv", ".tsv", ".txt")
-ACCEPTED, REJECTED = ("true", "yes", "good", "valid", "1"), ("false", "no", "bad", "invalid", "0")  # words of labels
+ACCEPTED = ("true", "yes", "good", "valid", "1", "1.0")  # words of labels
+REJECTED = ("false", "no", "bad", "invalid", "0", "0.0")
 VALID: dict[str, str] = {"": ""} | dict.fromkeys(ACCEPTED, "true") | dict.fromkeys(REJECTED, "false")
 HEADER = "# docs/own-tables.md says what each line is, docs/import.md what stands below `import`.\n"
 Read = Callable[[Path, Choices], tuple[list[Recording], Choices, list[str]]]
@@ -37,31 +39,21 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--frame", help="TF frame of the table: its near left corner, x right, y away from the person")
     parser.add_argument("--picture", help="topic or camera of the scenes' pictures")
     parser.add_argument("--gripper", help="topic, topic:joint or column; demonstrations are while it is closed")
-    parser.add_argument("--label", help="topic or column of what the person accepts, or a csv file with scene, valid")
+    parser.add_argument("--label", help="topic or column of what the person accepts")
     parser.add_argument("--size", metavar="WIDTH,DEPTH", help="of the table [m]")
-    parser.add_argument("--columns", metavar="x=NAME,y=NAME,t=NAME", help="in a csv file or a data set")
+    parser.add_argument("--columns", metavar="x=NAME,y=NAME", help="t=, too, and in a csv file scene=, user=, demo=")
     parser.add_argument("--user", default="me", help="whose demonstrations they are, where the log names nobody")
     options = {name: value for name, value in vars(parser.parse_args(arguments)).items() if value is not None}
     logs, folder, user = options.pop("logs"), options.pop("folder").resolve(), options.pop("user")
-    listed, label = {}, Path(options.get("label", ""))
-    if label.suffix == ".csv":
-        del options["label"]
-        if not label.is_file():
-            raise InputError(f"--label {label} is missing: expected a csv file with scene, valid, or a topic or column")
-        words = files.read_csv(label, ["scene", "valid"]).set_index("scene")["valid"]
-        if twice := words.index[words.index.duplicated()].tolist():
-            raise InputError(f"{label} names {twice[0]} twice: expected one row for each scene; remove the other")
-        listed = words.to_dict()
     if "columns" in options:
         options["columns"] = dict(one.partition("=")[::2] for one in options["columns"].split(","))
-        if wrong := options["columns"].keys() - set("txy"):
-            raise InputError(f"--columns names {min(wrong)!r}: expected some of x=NAME,y=NAME,t=NAME")
+        if wrong := options["columns"].keys() - {*"txy", *KEY}:
+            raise InputError(f"--columns names {min(wrong)!r}: expected some of {', '.join([*'txy', *KEY])}")
     held = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     if (folder.exists() and not folder.is_dir()) or {*held} - {SETTINGS} or (held and "size" in options):
         what = f"{folder} holds {', '.join(held) or 'no folder'}"
-        raise InputError(
-            f"{what}: expected a new folder, or one with {SETTINGS} alone and no --size; move the rest away"
-        )
+        expected = f"a new folder, or one with {SETTINGS} alone and no --size"
+        raise InputError(f"{what}: expected {expected}; move the rest away")
     settings, choices = _confirmed(folder, options)
     recordings, notes = list[Recording](), list[str]()
     for log in logs:
@@ -73,24 +65,23 @@ def main(arguments: Sequence[str]) -> int:
     if not recordings:
         raise InputError("the logs hold no recording: expected at least one")
     for recording in recordings:
-        check_times(recording)
-    middle, closed = grip(recordings) if choices.gripper else (0.0, None)
+        segments.check_times(recording)
+    middle, closed = segments.grip(recordings) if choices.gripper else (0.0, None)
     cuts = "gripper" if choices.gripper else "whole" if all(recording.whole for recording in recordings) else "stops"
-    guesses = {"unit": None if choices.unit else guess_unit(recordings), "y": "up", "segments": cuts, "closed": closed}
+    unit = choices.unit or segments.guess_unit(recordings)
+    guesses = {"unit": unit, "y": "up", "segments": cuts, "closed": closed}
     guessed = {name: value for name, value in guesses.items() if value and getattr(choices, name) is None}
     choices = choices.model_copy(update=guessed)
     lines = [
         f"  {name}: {json.dumps(value, ensure_ascii=False)}{'  # guessed' if name in guessed else ''}\n"  # JSON is YAML
         for name, value in choices.model_dump(exclude_none=True).items()
     ]
-    section, staged = (
-        f"import:\n{''.join(lines)}",
-        next(one for one in folder.parents if one.is_dir()) / f".part-{folder.name}",
-    )
+    section = f"import:\n{''.join(lines)}"
+    staged = next(one for one in folder.parents if one.is_dir()) / f".part-{folder.name}"
     shutil.rmtree(staged, ignore_errors=True)  # of a run that was killed
     try:
         (staged / SCENES).mkdir(parents=True)
-        notes += _write(staged, recordings, choices, middle, settings, user, listed)
+        notes += _write(staged, recordings, choices, middle, settings, user)
         if not held:
             width, depth = settings.size_m
             text = f"{HEADER}size_m: [{width:g}, {depth:g}]  # width and depth of the table [m]\n{section}"
@@ -153,24 +144,21 @@ def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Settings, Choices
 
 
 def _write(
-    folder: Path,
-    recordings: Sequence[Recording],
-    choices: Choices,
-    middle: float,
-    settings: Settings,
-    user: str,
-    listed: dict[str, str],
+    folder: Path, recordings: Sequence[Recording], choices: Choices, middle: float, settings: Settings, user: str
 ) -> list[str]:
     """Write pictures and demonstrations.csv into an empty folder; return remarks. InputError if nothing moves."""
     size = settings.size_m
-    metres = [on_table(recording.places, choices, size[1]) for recording in recordings]
-    runs = [cut(recording, places, choices, middle) for recording, places in zip(recordings, metres, strict=True)]
+    metres = [segments.on_table(recording.places, choices, size[1]) for recording in recordings]
+    moves = [segments.cut(one, places, choices, middle) for one, places in zip(recordings, metres, strict=True)]
+    runs = list(map(segments.without_ways_back, metres, moves)) if choices.segments == "stops" else moves
+    returns = sum(map(len, moves)) - sum(map(len, runs))
     totals, numbers, tables, shown = Counter[str](), Counter[Any](), [], dict[str, bool | None]()
     for recording, parts in zip(recordings, runs, strict=True):
         totals[recording.name] += len(parts)
     if not totals.total():
         used = choices.model_dump_json(exclude_none=True)
-        raise InputError(f"no movement is {MIN_PATH_M:g} m long: correct unit, topic, columns or segments of {used}")
+        least = f"{segments.MIN_PATH_M:g} m"
+        raise InputError(f"no movement is {least} long: correct unit, topic, columns or segments of {used}")
     for recording, places, parts in zip(recordings, metres, runs, strict=True):
         begins, name = [int(part[0]) for part in parts], recording.name
         with _readable(f"a picture of {name}"):
@@ -180,19 +168,13 @@ def _write(
                 tidy = re.sub(r"[^\w.-]+", "-", files.normal(base)).strip("-.")
                 labels = {"scene": tidy, "user": user} | recording.labels
                 scene = labels["scene"]
-                wrong = [
-                    role
-                    for role in KEY
-                    if not files.is_printable(labels.get(role, "1")) or not labels.get(role, "1").strip()
-                ]
-                wrong += ["scene"] * bool({*scene} & {*"/\\"})
-                if wrong:
-                    raise InputError(
-                        f"{wrong[0]} is {labels[wrong[0]]!r}: expected a name, of a file if it is the scene's"
-                    )
+                named = {role: name for role, name in labels.items() if role in KEY}
+                wrong = [role for role, name in named.items() if not (files.is_printable(name) and name.strip())]
+                for role in wrong + ["scene"] * bool({*scene} & {*"/\\"}):
+                    raise InputError(f"{role} is {named[role]!r}: expected a name, of a file if it is the scene's")
                 numbers[scene, labels["user"]] += 1
                 heard = [word for after, word in recording.words if rows[0] < after <= end]
-                word = listed.get(scene, heard[-1] if heard else "")
+                word = heard[-1] if heard else ""
                 if word.lower() not in VALID:
                     expected = ", ".join(filter(None, VALID))
                     raise InputError(f"the label of {scene} is {word!r}: expected one of {expected}")
@@ -204,22 +186,24 @@ def _write(
                     shown[scene] = files.has_shape(*image_size(path), size)
                 t, (x, y) = recording.t[rows] - recording.t[rows[0]], places[rows].T
                 tables.append(pd.DataFrame({"t": t.round(3), "x": x.round(4), "y": y.round(4)}).assign(**labels))
-    if unknown := listed.keys() - shown.keys():
-        raise InputError(f"--label names {', '.join(sorted(unknown))}: expected some of {', '.join(shown)}; correct it")
     table = pd.concat(tables)[files.COLUMNS[DEMONSTRATIONS]]
     table.to_csv(folder / DEMONSTRATIONS, index=False, lineterminator="\n")
     (left, near), (right, far) = table[["x", "y"]].min(), table[["x", "y"]].max()
     bare = [scene for scene, fits in shown.items() if fits is None]
     unlabelled = len(table[table["valid"] == ""].drop_duplicates(KEY))
     notes = {
-        f"{len(tables)} demonstrations, x from {left:g} to {right:g} m, y from {near:g} to {far:g} m": True,
+        f"demonstrations: {len(tables)}, x from {left:g} to {right:g} m, y from {near:g} to {far:g} m": True,
         f"these leave the table of {size[0]:g} by {size[1]:g} m: correct size_m, unit, origin, turn_deg or y": (
             min(left, near) < 0 or right > size[0] or far > size[1]
         ),
-        f"{len(bare)} scenes have no picture: add {SCENES}/{min(bare, default='')}.jpg, and so on": len(bare) > 0,
+        f"movements back to where the one before began, left out: {returns}; `segments: moves` keeps them": returns > 0,
+        "x or y stays the same: choose the table's plane by --columns or --frame": (
+            min(right - left, far - near) < segments.REST_M
+        ),
+        f"scenes without a picture: {len(bare)}; add {SCENES}/{min(bare, default='')}.jpg, and so on": len(bare) > 0,
         "the pictures show more than the table: mark its corners with the recorder": (
             settings.corners is None and False in shown.values()
         ),
-        f"{unlabelled} demonstrations have no label: judge them with the recorder": unlabelled > 0,
+        f"demonstrations without a label: {unlabelled}; judge them with the recorder": unlabelled > 0,
     }
     return [note for note, holds in notes.items() if holds]

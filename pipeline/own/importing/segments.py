@@ -15,6 +15,7 @@ from pipeline.runtime.errors import InputError
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 USUAL_SPAN_M, SPANS_M = 0.7, (0.05, 10.0)  # of the paths on a table; what is outside is no table in that unit
+NEAR = 0.25  # a way back starts and ends so near to the other's end and start, relative to their distance
 REST_M, REST_S = 0.005, 0.5  # a hand rests where it stays within this distance for this long
 GRID_S = 0.05  # steps of the search for rests
 GAP_S = 1.0  # a longer step in time ends a demonstration
@@ -38,7 +39,7 @@ class Choices(BaseModel):
     gripper: str | None = None
     label: str | None = None
     closed: Literal["high", "low"] | None = None
-    segments: Literal["whole", "gripper", "stops"] | None = None
+    segments: Literal["whole", "gripper", "stops", "moves"] | None = None
     unit: Literal["m", "cm", "mm"] | None = None
     y: Literal["up", "down"] | None = None
     origin: tuple[FiniteFloat, FiniteFloat] = (0.0, 0.0)
@@ -70,7 +71,7 @@ def check_times(recording: Recording) -> None:
     for i in np.flatnonzero(np.diff(recording.t) < 0)[:1]:
         raise InputError(
             f"{recording.name}: time goes back from {recording.t[i]:.9g} to {recording.t[i + 1]:.9g} s at sample "
-            f"{i + 2}: expected times that increase; cut the log there"
+            f"{i + 2}: expected times that increase; cut the log there, or add --columns demo=NAME"
         )
     if len(recording.t) > 1 and np.median(np.diff(recording.t)) == 0:
         raise InputError(f"{recording.name}: most samples have the time of the one before: choose other times")
@@ -113,7 +114,7 @@ def cut(recording: Recording, metres: Float[Array, "n 2"], choices: Choices, mid
     if choices.segments == "gripper":
         values = np.full(len(metres), np.nan) if recording.gripper is None else recording.gripper
         active = values > middle if choices.closed == "high" else values < middle
-    elif choices.segments == "stops":
+    elif choices.segments in ("stops", "moves"):
         active = moving(recording.t, metres)
     split = (active[1:] != active[:-1]) | ((np.diff(recording.t) > GAP_S) & (not recording.whole))
     runs = np.split(np.arange(len(metres)), np.flatnonzero(split) + 1)
@@ -122,6 +123,17 @@ def cut(recording: Recording, metres: Float[Array, "n 2"], choices: Choices, mid
         for rows in runs
         if active[rows[0]] and np.linalg.norm(np.diff(metres[rows], axis=0), axis=1).sum() >= MIN_PATH_M
     ]
+
+
+def without_ways_back(metres: Float[Array, "n 2"], runs: list[Array]) -> list[Array]:
+    """Return the rows of those movements that do not lead from the end of the one before back to its start."""
+    kept = runs[:1]
+    for rows in runs[1:]:
+        before = metres[kept[-1][[0, -1]]]
+        away = np.linalg.norm(metres[rows[[-1, 0]]] - before, axis=1).max()
+        if away > NEAR * np.linalg.norm(before[1] - before[0]):
+            kept.append(rows)
+    return kept
 
 
 def moving(t: Float[Array, " n"], metres: Float[Array, "n 2"]) -> Bool[Array, " n"]:

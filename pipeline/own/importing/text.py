@@ -2,7 +2,6 @@
 
 import csv
 import re
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Collection
 from pathlib import Path
 
@@ -20,7 +19,7 @@ X = re.compile(rf"(?:.*[\s._/:-]|.*pos(?:ition)?)?[tp]?(?P<x>x)(?:[\s._-]*(?:pos
 NO_PLACE = re.compile(r"orient|rot|quat|vel|twist|ang|force|acc|std|cov", re.I)  # other columns with x and y
 T, T_ABROAD = (
     re.compile(rf"(?:.*[\s._/:%-])?(?:{words})[\s_]*[\[(]?(?P<unit>s|ms|us|ns)?(?:ec\w*)?[\])]?", re.I)
-    for words in (r"t|time|(?:time)?stamp|sec\w*", "zeit|temps|tiempo|tempo")
+    for words in (r"t|(?:date)?time|(?:time)?stamp|sec\w*", "zeit(?:stempel)?|temps|tiempo|tempo")
 )
 TIMES = {"s": (1.0, 0.9), "ms": (1e-3, 900.0), "us": (1e-6, 9e5), "ns": (1e-9, np.inf)}  # seconds; largest usual step
 LABELS = (*KEY, "valid")
@@ -43,8 +42,11 @@ def pair(names: Collection[str]) -> dict[str, str]:
 
 def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[str]]:
     """Return the recordings, the choices with what was found, and remarks; InputError for an unusable file."""
-    encoding = "utf-16" if path.read_bytes()[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig"
-    lines = path.read_text(encoding=encoding, errors="replace").splitlines()
+    content = path.read_bytes()
+    try:
+        lines = content.decode("utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        lines = content.decode("cp1252", "replace").splitlines()  # as Windows saves csv
     number, delimiter, names, columns = _header(path, lines, choices)
     rows = [(i, row) for i, row in enumerate(_split(lines[number:], delimiter), number + 1) if any(row)][1:]
     for i, row in rows:

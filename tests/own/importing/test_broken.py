@@ -125,6 +125,8 @@ def second_camera(info: dict) -> None:
 
 GREY = np.zeros((8, 8, 3), np.uint8)
 OTHER = (0.0, "/other", bags.posed(0, 0, 0))
+AFTER, WORD = (9.0, *OTHER[1:]), (9.0, "/say", bags.make("std_msgs/String", "so"))
+NUMBERLESS = poses(lambda given: [(t, "/hand", bags.posed(t, np.nan, 0)) for t, *_ in given])
 BASE = (0.0, "/tf", bags.tf(0, "map", "base", 0, 0))
 LEFT, RIGHT = (0.0, "/left", bags.image(0, GREY, "rgb8")), (0.0, "/right", bags.image(0, GREY, "png"))
 UNTURNED = bags.tf(0, "table", "base", 0, 0)
@@ -147,12 +149,7 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("a rotation of zeros", more((0.0, "/tf", UNTURNED)), "--frame map", "from base to table .* unit quaternion"),
     ("hand not in TF", more(BASE), "--hand tool --frame map", "from tool"),
     ("several frames", more((9, "/hand", bags.posed(9, 0, 0, "map"))), "", "frames map, table"),
-    (
-        "poses without numbers",
-        poses(lambda given: [(t, "/hand", bags.posed(t, np.nan, 0)) for t, *_ in given]),
-        "",
-        "none with",
-    ),
+    ("poses without numbers", NUMBERLESS, "", "none with"),
     ("times that go back", more((9, "/hand", bags.posed(1, 0, 0))), "", "time goes back from .* at sample 301"),
     ("truncated mcap", cut(poses(), "*.mcap"), "", "truncated"),
     ("empty mcap", text("", "log.mcap"), "", "seems to be empty.*mcap recover"),
@@ -195,21 +192,10 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("csv with a scene in another folder", text("t,x,y,scene\n0,0,0,../a\n1,1,1,../a\n"), "", r"scene is '\.\./a'"),
     ("a user without a name", rows("t,x,y"), "--user=", "user is ''"),
     ("a column for nothing", rows("t,x,y"), "--columns q=t", "--columns names 'q'"),
-    ("a label file that is missing", rows("t,x,y"), "--label labels.csv", "labels.csv is missing"),
     ("csv with times that stand still", text("sec,x,y\n" + "1,0,0\n1,1,1\n1,2,2\n"), "", "the time of the one before"),
     ("csv in which dates are none", rows("t,x,y", "25:61,0,0"), "", "row 302: t is '25:61'"),
-    (
-        "a label that is none",
-        more((9, "/say", bags.make("std_msgs/String", "so"))),
-        "--label /say",
-        "label of log is 'so'",
-    ),
-    (
-        "a topic that says no label",
-        more((9.0, *OTHER[1:])),
-        "--topic /hand --label /other",
-        "is 'geometry_msgs/msg/PoseStamped'",
-    ),
+    ("a label that is none", more(WORD), "--label /say", "label of log is 'so'"),
+    ("a topic that says no label", more(AFTER), "--topic /hand --label /other", "is 'geometry_msgs/msg/PoseStamped'"),
     ("a size that is none", poses(), "--size 1.2m", "size_m is .*1.2m"),
     ("csv with a short row", rows("t,x,y", "9,0"), "", "row 302 has 2 cells"),
     ("csv with times that go back", rows("t,x,y", "1,0,0"), "", "time goes back"),

@@ -50,6 +50,10 @@ def assert_is_hand(demos: pd.DataFrame, count: int = 2) -> None:
         assert rows["t"].iloc[0] == 0 and 1.9 < rows["t"].iloc[-1] < 2.6
 
 
+def plan(begin: float) -> Any:
+    return bags.make("nav_msgs/Path", bags.header(0, "table"), [bags.posed(t + begin, x, y) for t, x, y in hand(1)])
+
+
 POSES: dict[str, tuple[Callable[[], list[bags.Entry]], list[str]]] = {
     "PoseStamped": (lambda: [(t, "/hand", bags.posed(t, x, y)) for t, x, y in hand()], []),
     "Odometry": (lambda: [(t, "/odom", bags.odometry(t, x, y)) for t, x, y in hand()], []),
@@ -57,17 +61,7 @@ POSES: dict[str, tuple[Callable[[], list[bags.Entry]], list[str]]] = {
         lambda: [(t, "/tf", bags.tf(t, "table", "hand", x, y)) for t, x, y in hand()],
         ["--hand", "hand", "--frame", "table"],
     ),
-    "Path": (
-        lambda: [
-            (
-                9.0 * i,
-                "/plan",
-                bags.make("nav_msgs/Path", bags.header(0, "table"), [bags.posed(t + i, x, y) for t, x, y in hand(1)]),
-            )
-            for i in (0, 1, 1)  # the second is published twice
-        ],
-        [],
-    ),
+    "Path": (lambda: [(9.0 * i, "/plan", plan(i)) for i in (0, 1, 1)], []),  # the second is published twice
 }
 
 
@@ -90,15 +84,15 @@ def test_a_bag_in_millimetres_is_told_by_the_size_of_its_paths(tmp_path: Path):
 
 
 def test_poses_follow_a_chain_of_transforms_that_moves(tmp_path: Path):
-    """The table's corner lies at (1, 2) of the map, turned by 90 degrees; the robot, which sees the hand, drives."""
-    entries: list[bags.Entry] = [(0, "/tf_static", bags.tf(0, "map", "table", 1.0, 2.0, np.pi / 2))]
+    """The table's corner lies at (1, 2) of the map, turned by 90 degrees, which is told late; the robot drives."""
+    entries: list[bags.Entry] = [(9, "/tf_static", bags.tf(9, "map", "table", 1.0, 2.0, np.pi / 2))]
     for t, x, y in hand():
         entries.append((t, "/tf", bags.tf(t, "map", "robot", 0.01 * t, 0.5, np.pi)))
         entries.append((t + 1e-3, "/hand", bags.posed(t, 0.01 * t - (1 - y), 0.5 - (2 + x), "robot")))
     assert_is_hand(imported(bags.write(tmp_path / "bag", entries), "--frame", "table")[0])
 
 
-@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "mono8", "jpeg", "png"])
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "mono8", "8UC3", "bayer_grbg8", "jpeg", "png"])
 def test_a_scene_is_the_picture_before_the_hand_moves(tmp_path: Path, encoding: str):
     entries = [(t, "/hand", bags.posed(t, x, y)) for t, x, y in hand()]
     for second in range(18):
@@ -168,7 +162,7 @@ DIALECTS = {  # header, delimiter, decimal sign, and t, x, y as written
     "spaces": ("stamp  pos_x  pos_y", " ", ".", lambda t, x, y: (t * 1e6, x, y)),
     "motion capture with a take": ("Take Name,a\n\nFrame,Time (Seconds),X,Y", ",", ".", lambda t, x, y: (0, t, x, y)),
     "dates": (
-        "timestamp;X [mm];Y [mm]",
+        "Datetime;X [mm];Y [mm]",
         ";",
         ",",
         lambda t, x, y: (f"2026-11-28T09:00:{t:09.6f}Z", x * 1e3, y * 1e3),
@@ -218,10 +212,13 @@ def test_a_second_import_by_the_written_table_yaml_says_the_same(tmp_path: Path)
 
 def test_names_and_labels_of_a_csv_file_are_kept(tmp_path: Path):
     demos = (("a", "7", "true"), ("b", "8", ""))
-    lines = [f"{t},{x},{y},{scene},Ana,{demo},{valid}" for scene, demo, valid in demos for t, x, y in hand(1)]
-    (tmp_path / "log.csv").write_text("\n".join(["t,x,y,Scene,user,demo,valid", *lines]))
-    rows = imported(tmp_path / "log.csv")[0].drop_duplicates("scene")[["scene", "user", "demo", "valid"]]
-    assert rows.to_numpy().tolist() == [["a", "Ana", "7", "true"], ["b", "Ana", "8", ""]]
+    lines = [f"{t},{x},{y},{scene},Jürgen,{demo},{valid}" for scene, demo, valid in demos for t, x, y in hand(1)]
+    text = "\n".join(["t,x,y,Scene,participant,trial,valid", *lines])
+    (tmp_path / "log.csv").write_text(text, encoding="cp1252")
+    rows = imported(tmp_path / "log.csv", "--columns", "user=participant,demo=trial")[0].drop_duplicates("scene")[
+        ["scene", "user", "demo", "valid"]
+    ]
+    assert rows.to_numpy().tolist() == [["a", "Jürgen", "7", "true"], ["b", "Jürgen", "8", ""]]
 
 
 def test_a_bag_for_each_demonstration_becomes_a_folder_that_the_check_accepts(tmp_path: Path):

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline.runtime.errors import InputError
 from tests.own.importing import bags
-from tests.own.importing.test_import import assert_is_hand, hand, imported, write_csv
+from tests.own.importing.test_import import HZ, assert_is_hand, hand, imported, write_csv
 
 
 def accepted(word: Callable[[bool], Any]) -> list[bags.Entry]:
@@ -34,23 +33,35 @@ def test_labels_come_from_a_topic_after_each_movement(tmp_path: Path, word: Call
     assert yaml.safe_load((folder / "table.yaml").read_text())["size_m"] == [1.2, 0.8]
 
 
-def test_labels_come_from_a_csv_file_or_a_column(tmp_path: Path):
-    (tmp_path / "labels.csv").write_text("scene,valid\nlog-02,yes\n")
-    log = write_csv(tmp_path / "log.csv", "plain")
-    demos, _ = imported(log, "--label", str(tmp_path / "labels.csv"))
-    assert demos.groupby("scene")["valid"].first().to_dict() == {"log-01": "", "log-02": "true"}
-    lines = log.read_text().splitlines()
-    words = ["fine", *("yes" if float(line.split(",")[0]) < 6 else "no" for line in lines[1:])]
-    (again := tmp_path / "again" / "log.csv").parent.mkdir()
-    again.write_text("\n".join(f"{line},{word}" for line, word in zip(lines, words, strict=True)))
-    demos, _ = imported(again, "--label", "fine")
+@pytest.mark.parametrize(("segments", "labels"), [("stops", ["true", "false"]), ("moves", ["", "true", "", "false"])])
+def test_a_way_back_is_left_out_and_the_label_after_it_is_the_demonstration_s(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], segments: str, labels: list[str]
+):
+    """The hand carries back in sight; the word comes when it is back, and the only picture much later."""
+    places = [(x, y) for _, x, y in hand(1)]
+    poses = [*places, *places[::-1]] * 2  # 12 s each way and back
+    entries = [(i / HZ, "/hand", bags.posed(i / HZ, *place)) for i, place in enumerate(poses)]
+    entries += [(11.9, "/ok", bags.make("std_msgs/Bool", True)), (23.9, "/ok", bags.make("std_msgs/Bool", False))]
+    entries.append((99.0, "/camera", bags.image(99, np.zeros((8, 8, 3), np.uint8), "rgb8")))
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "table.yaml").write_text(f"import: {{segments: {segments}}}")
+    demos, folder = imported(bags.write(tmp_path / "bag", entries), "--label", "/ok")
+    assert demos.groupby("scene")["valid"].first().tolist() == labels
+    assert ("left out: 2" in capsys.readouterr().out) == (segments == "stops") and not [*(folder / "scenes").iterdir()]
+
+
+def test_a_hand_that_keeps_to_a_line_is_remarked(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (tmp_path / "log.csv").write_text("\n".join(["t,x,y", *(f"{t},{x},0.7" for t, x, _ in hand(1))]))
+    imported(tmp_path / "log.csv")
+    assert "demonstrations: 1, " in (said := capsys.readouterr().out) and "x or y stays the same" in said
+
+
+def test_labels_come_from_a_column(tmp_path: Path):
+    lines = (log := write_csv(tmp_path / "log.csv", "plain")).read_text().splitlines()
+    words = ["fine", *("1.0" if float(line.split(",")[0]) < 6 else "0.0" for line in lines[1:])]
+    log.write_text("\n".join(f"{line},{word}" for line, word in zip(lines, words, strict=True)))
+    demos, _ = imported(log, "--label", "fine")
     assert demos.groupby("scene")["valid"].first().to_dict() == {"log-01": "true", "log-02": "false"}
-
-
-def test_a_label_file_that_names_a_scene_twice_is_refused(tmp_path: Path):
-    (tmp_path / "labels.csv").write_text("scene,valid\nlog-02,yes\nlog-02,no\n")
-    with pytest.raises(InputError, match="names log-02 twice"):
-        imported(write_csv(tmp_path / "log.csv", "plain"), "--label", str(tmp_path / "labels.csv"))
 
 
 def test_a_bag_of_another_writer_with_types_of_its_own_is_read(tmp_path: Path):
