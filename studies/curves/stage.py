@@ -72,7 +72,7 @@ class Starts(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What one model says of all versions of the scenes, and its repairs."""
+    """Hold what one model says of all versions of the scenes, and its repairs."""
 
     p: Float[Array, "version scene path"]
     repairs: pd.DataFrame  # a row for each method and start
