@@ -83,6 +83,15 @@ def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
         check(cfg, study, import_module(f"studies.{study}.stage"), agree=study in stages)
 
 
+def _written() -> dict[str, Any]:
+    """Return what conf/composed.yaml holds; raise InputError if it is missing or damaged."""
+    try:
+        return {name: yaml.safe_load(COMPOSED.read_bytes())[name] for name in ("defaults", "composed", "graph")}
+    except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
+        restored = "`git checkout conf/composed.yaml` restores it"
+        raise InputError(f"conf/composed.yaml is missing or damaged ({error!r}): {restored}") from error
+
+
 def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
     """Return a conf/composed.yaml with these overrides; its lists are those of `cfg`, or as they were.
 
@@ -92,7 +101,7 @@ def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
-    before = yaml.safe_load(COMPOSED.read_text(encoding="utf-8"))
+    before = _written()
     loaded = {path.stem: OmegaConf.load(path) for path in sorted((CONF / "variants").glob("*.yaml"))}
     files = {name: file if isinstance(file, DictConfig) else OmegaConf.create() for name, file in loaded.items()}
     parts = {str(part) for file in files.values() for part in file.get("defaults", [])}
@@ -147,8 +156,8 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--out", type=Path)
     parser.add_argument("overrides", nargs="*", metavar="parameter=value")
     given = parser.parse_intermixed_args(argv)
+    overrides = given.overrides or _written()["composed"]
     before = COMPOSED.read_text(encoding="utf-8")
-    overrides = given.overrides or list(yaml.safe_load(before)["composed"])
     overrides = [override for override in overrides if override != "profile=paper"]
     if given.check:
         cfg = _compose([])
