@@ -22,7 +22,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from scipy.stats import beta
 from threadpoolctl import ThreadpoolController
-from torch.backends import mkldnn
+from torch.backends import mkldnn as _mkldnn
 from tqdm import tqdm
 
 from pipeline.models.base import ValidityModel, check_images, check_paths, is_array
@@ -72,6 +72,7 @@ ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 
 
 _lock = RLock()  # the state below belongs to the whole process: fits in several threads would mix theirs
 os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
+mkldnn: Any = _mkldnn  # whose attributes pyright does not know
 _pools = ThreadpoolController()  # of BLAS, looked up once: it takes 20 ms
 STATE: tuple[tuple[Callable[[], Any], Callable[[Any], object], Any], ...] = (  # how to get it, to set it, and to what
     (torch.get_default_dtype, torch.set_default_dtype, torch.float32),

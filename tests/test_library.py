@@ -16,7 +16,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import t as student
 from scipy.stats import ttest_1samp
-from torch.backends import mkldnn
 
 import pipeline
 from pipeline import library
@@ -90,7 +89,7 @@ SURROUNDINGS = {  # of a caller
     "default device": lambda: set_by(torch.set_default_device, "meta", None),
     "threads": lambda: set_by(torch.set_num_threads, 3, torch.get_num_threads()),
     "precision": lambda: set_by(torch.set_float32_matmul_precision, "medium", "highest"),
-    "new precision": lambda: set_by(partial(setattr, mkldnn.matmul, "fp32_precision"), "bf16", "ieee"),
+    "new precision": lambda: set_by(partial(setattr, library.mkldnn.matmul, "fp32_precision"), "bf16", "ieee"),
     "errors": lambda: np.errstate(all="raise"),
 }
 
@@ -98,7 +97,7 @@ SURROUNDINGS = {  # of a caller
 def state() -> tuple:
     """What a caller can see of torch and NumPy."""
     modes = torch.is_grad_enabled(), torch.is_inference_mode_enabled(), torch.is_autocast_enabled("cpu")
-    numbers = torch.get_default_dtype(), str(torch.get_default_device()), mkldnn.matmul.fp32_precision
+    numbers = torch.get_default_dtype(), str(torch.get_default_device()), library.mkldnn.matmul.fp32_precision
     random = torch.default_generator.get_state().numpy().tobytes(), pickle.dumps(np.random.get_state())  # noqa: NPY002
     return *modes, *numbers, *random, torch.get_num_threads(), str(np.geterr())
 

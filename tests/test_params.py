@@ -80,9 +80,7 @@ def test_a_variant_s_name_is_text_that_no_table_uses_for_something_else(own_conf
 @pytest.mark.parametrize("text", ["", "::: {", "<<<<<<< HEAD\ncomposed: []", "composed: []"])
 def test_a_damaged_composed_yaml_is_named_with_what_restores_it(own_conf: Path, text: str):
     (own_conf / "composed.yaml").write_text(text)
-    with pytest.raises(
-        InputError, match=r"composed\.yaml is missing or damaged .*: `git checkout conf/"
-    ):
+    with pytest.raises(InputError, match=r"composed\.yaml is missing or damaged .*: `git checkout conf/"):
         params.main([])
 
 
