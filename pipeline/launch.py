@@ -179,4 +179,6 @@ def explained(error: Exception) -> str:
     """Return Hydra's message, or the unknown parameter: Hydra does not name one inside an override's dictionary."""
     name = getattr(error.__cause__, "full_key", None)
     message = str(error).partition("\nConfig search path:")[0]
+    if "item value in defaults" in message:
+        message += "; put names such as no, true or 1e5 in quotes"
     return f"unknown parameter {name!r} (see conf/; + in front of the override adds it)" if name else message

@@ -9,6 +9,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from threading import RLock
 from typing import Any, NamedTuple
@@ -21,9 +22,10 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from scipy.stats import beta
 from threadpoolctl import ThreadpoolController
+from torch.backends import mkldnn as _mkldnn
 from tqdm import tqdm
 
-from pipeline.models.base import ValidityModel, check_images, check_paths
+from pipeline.models.base import ValidityModel, check_images, check_paths, is_array
 from pipeline.models.curves import resample
 from pipeline.models.trained import build, read_weights
 from pipeline.perception.objects import Objects
@@ -70,14 +72,16 @@ ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 
 
 _lock = RLock()  # the state below belongs to the whole process: fits in several threads would mix theirs
 os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
+mkldnn: Any = _mkldnn  # whose attributes pyright does not know
 _pools = ThreadpoolController()  # of BLAS, looked up once: it takes 20 ms
 STATE: tuple[tuple[Callable[[], Any], Callable[[Any], object], Any], ...] = (  # how to get it, to set it, and to what
     (torch.get_default_dtype, torch.set_default_dtype, torch.float32),
     (torch.get_num_threads, torch.set_num_threads, 1),  # more are slower here, and change the order of sums
     (cv2.getNumThreads, cv2.setNumThreads, 1),
-    # other kernels round otherwise
-    (lambda: torch.backends.mkldnn.enabled, lambda on: setattr(torch.backends.mkldnn, "enabled", on), True),
-    (torch.get_float32_matmul_precision, torch.set_float32_matmul_precision, "highest"),
+    *(  # other kernels round otherwise
+        (partial(getattr, of, name), partial(setattr, of, name), value)
+        for of, name, value in ((mkldnn, "enabled", True), (mkldnn.matmul, "fp32_precision", "ieee"))
+    ),
 )
 
 
@@ -147,14 +151,15 @@ def fit(
     Raises InputError if an argument has a wrong type, shape or unit, or if there are fewer than 2 scenes. Labels that
     are all equal give a warning: the model then predicts one probability everywhere.
     """
-    if variant not in list(SETTINGS):
+    if not isinstance(variant, str) or variant not in SETTINGS:
         raise InputError(f"variant {variant!r}: expected one of {', '.join(SETTINGS)}")
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise InputError(f"seed {seed!r}: expected a whole number from 0")
     _check_scenes(images, paths)
-    dtype, shape = str(getattr(valid, "dtype", type(valid).__name__)), np.shape(paths)[:2]
-    if dtype != "bool" or valid.shape != shape:
-        raise InputError(f"valid is {dtype} of shape {np.shape(valid)}: expected bool of shape {shape}, one a path")
+    shape = np.shape(paths)[:2]
+    if not is_array(valid) or valid.dtype.kind != "b" or valid.shape != shape:
+        kind = valid.dtype if is_array(valid) else type(valid).__name__
+        raise InputError(f"valid is {kind} of shape {np.shape(valid)}: expected bool of shape {shape}, one a path")
     if valid.all() or not valid.any():
         kind = "valid" if valid.all() else "invalid"
         warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=3)
@@ -164,7 +169,7 @@ def fit(
     if paths.ndim == 4 and settings["kind"] == "vae":
         settings = settings | {"model": settings["model"] | {"path_numbers": 2 * CURVE_POINTS}}
     model = build(settings, seed)
-    z = np.asarray(paths, dtype=np.float64)
+    z, valid = np.array(paths, dtype=np.float64, order="C"), np.array(valid, order="C")  # whatever their strides
     steps = TRAINING[settings["stage"]]["steps"]
     bar = _Bar(steps[settings["objective"]] if settings["stage"] == "irl" else steps, progress)
     with bar.bar:

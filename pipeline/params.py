@@ -13,6 +13,7 @@ lists what dvc.yaml runs once per name: the variants of each stage that fits, an
 
 import argparse
 import os
+import re
 import shlex
 import sys
 from collections.abc import Collection, Sequence
@@ -27,7 +28,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pipeline.launch import FITTED, check, check_variant, explained
 from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import CONF, PARAMS, ROOT
-from pipeline.runtime.settings import Shared, need_one
+from pipeline.runtime.settings import NAME, RESERVED, Shared, need, need_one
 from pipeline.runtime.writing import atomic_write
 
 COMPOSED = CONF / "composed.yaml"
@@ -85,6 +86,15 @@ def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
         check(cfg, study, import_module(f"studies.{study}.stage"), agree=study in stages)
 
 
+def _written() -> dict[str, Any]:
+    """Return what conf/composed.yaml holds; raise InputError if it is missing or damaged."""
+    try:
+        return {name: yaml.safe_load(COMPOSED.read_bytes())[name] for name in ("defaults", "composed", "graph")}
+    except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
+        restored = "`git checkout conf/composed.yaml` restores it"
+        raise InputError(f"conf/composed.yaml is missing or damaged ({error!r}): {restored}") from error
+
+
 def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
     """Return a conf/composed.yaml with these overrides; its lists are those of `cfg`, or as they were.
 
@@ -94,7 +104,7 @@ def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
-    before = yaml.safe_load(COMPOSED.read_text(encoding="utf-8"))
+    before = _written()
     loaded = {path.stem: OmegaConf.load(path) for path in sorted((CONF / "variants").glob("*.yaml"))}
     files = {name: file if isinstance(file, DictConfig) else OmegaConf.create() for name, file in loaded.items()}
     parts = {str(part) for file in files.values() for part in file.get("defaults", [])}
@@ -102,6 +112,10 @@ def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
     if lacking := [name for name in known if "compared" not in files[name]]:
         wanted = "add `compared: true` or `compared: false`, whether studies and recordings show it"
         raise InputError(f"conf/variants/{lacking[0]}.yaml has no `compared`: {wanted}")
+    for name in known:
+        usable = re.match(NAME, name) and name not in RESERVED and OmegaConf.from_dotlist([f"v={name}"]).v == name
+        other = f"another name, of letters, digits, - and _, that YAML reads as text; none of {', '.join(RESERVED)}"
+        need(bool(usable), "variants", name, other)
     entries = [next(iter(entry)) for entry in before["defaults"] if entry != "_self_"]
     listed = [key.partition(".")[2] for key in entries if key.startswith("variants@")]
     variants = [*(v for v in listed if v in known), *(v for v in known if v not in listed)]
@@ -129,6 +143,14 @@ def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
     return HEAD + yaml.safe_dump(own | OmegaConf.to_container(values), sort_keys=False, width=120)  # pyright: ignore
 
 
+def _note_unread(cfg: DictConfig, overrides: Sequence[str]) -> None:
+    """Print a note on each file of a user that no default names, and no override leaves out."""
+    for name in sorted({path.stem for path in (CONF / "users").glob("*.yaml")} - {str(user) for user in cfg.users}):
+        if f"~users.{name}" not in overrides:
+            line = f'`- users@users.{name}: "{name}"`'
+            print(f"note: conf/users/{name}.yaml is not read: add {line} to conf/config.yaml", file=sys.stderr)
+
+
 def main(argv: list[str]) -> int:
     """Write or check params.yaml and conf/composed.yaml; return the exit code."""
     parser = argparse.ArgumentParser("python -m pipeline.params", description=__doc__, allow_abbrev=False)
@@ -137,11 +159,12 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--out", type=Path)
     parser.add_argument("overrides", nargs="*", metavar="parameter=value")
     given = parser.parse_intermixed_args(argv)
+    overrides = given.overrides or _written()["composed"]
     before = COMPOSED.read_text(encoding="utf-8")
-    overrides = given.overrides or list(yaml.safe_load(before)["composed"])
     overrides = [override for override in overrides if override != "profile=paper"]
     if given.check:
         cfg = _compose([])
+        _note_unread(cfg, overrides)
         written = {COMPOSED: kept(overrides, cfg), PARAMS: OmegaConf.to_yaml(cfg)}
         if stale := [p for p, text in written.items() if not p.is_file() or p.read_text(encoding="utf-8") != text]:
             command = shlex.join(["python", "-m", "pipeline.params", *given.overrides])
@@ -158,6 +181,7 @@ def main(argv: list[str]) -> int:
     except BaseException:
         COMPOSED.write_text(before, encoding="utf-8")
         raise
+    _note_unread(cfg, overrides)
     COMPOSED.write_text(kept(overrides, cfg), encoding="utf-8")
     atomic_write(PARAMS, lambda part: part.write_text(OmegaConf.to_yaml(cfg), encoding="utf-8"))  # as DVC writes it
     for stage in FITTED:  # stages that compare variants read these, also where a graph has none of one kind

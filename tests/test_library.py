@@ -5,6 +5,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -88,6 +89,7 @@ SURROUNDINGS = {  # of a caller
     "default device": lambda: set_by(torch.set_default_device, "meta", None),
     "threads": lambda: set_by(torch.set_num_threads, 3, torch.get_num_threads()),
     "precision": lambda: set_by(torch.set_float32_matmul_precision, "medium", "highest"),
+    "new precision": lambda: set_by(partial(setattr, library.mkldnn.matmul, "fp32_precision"), "bf16", "ieee"),
     "errors": lambda: np.errstate(all="raise"),
 }
 
@@ -95,7 +97,7 @@ SURROUNDINGS = {  # of a caller
 def state() -> tuple:
     """What a caller can see of torch and NumPy."""
     modes = torch.is_grad_enabled(), torch.is_inference_mode_enabled(), torch.is_autocast_enabled("cpu")
-    numbers = torch.get_default_dtype(), str(torch.get_default_device()), torch.get_float32_matmul_precision()
+    numbers = torch.get_default_dtype(), str(torch.get_default_device()), library.mkldnn.matmul.fp32_precision
     random = torch.default_generator.get_state().numpy().tobytes(), pickle.dumps(np.random.get_state())  # noqa: NPY002
     return *modes, *numbers, *random, torch.get_num_threads(), str(np.geterr())
 
@@ -184,6 +186,16 @@ def test_a_fit_has_one_thread_and_shows_its_progress_on_request(few, monkeypatch
     assert "3/3" in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("variant", ["clearance", "full", "irl_ranked"])
+@pytest.mark.filterwarnings("error")
+def test_reversed_and_read_only_arrays_are_read_as_any_others(few, variant: str, tmp_path):
+    turned = [array[::-1] for array in few]
+    expected = all_results([array.copy() for array in turned], variant, tmp_path)
+    for array in turned:
+        array.flags.writeable = False
+    assert all_results(turned, variant, tmp_path) == expected
+
+
 def test_one_model_is_a_t_test_over_scenes_corrected_for_skewness(example, monkeypatch):
     images, images_without, z_theta, _ = example
     model = library.build({"kind": "vae", "model": library.VAE}, 0)
@@ -215,6 +227,11 @@ def test_settings_are_those_of_conf():
         (lambda a: a | {"paths": a["paths"][:3]}, r"paths has shape \(3, 9, 2\): expected \(12, path, 2\)"),
         (lambda a: {name: array[:1] for name, array in a.items()}, "number of scenes is 1: expected at least 2"),
         (lambda a: a | {"images": 0 * a["images"]}, r"images\[0\] is mostly black: expected the image of a table"),
+        (lambda a: a | {"valid": a["valid"].astype(float)}, r"valid is float64 of shape \(12, 9\): expected bool"),
+        *(
+            (lambda a, name=name: a | {name: np.ma.masked_array(a[name])}, rf"{name} is MaskedArray.*: expected")
+            for name in ("images", "paths", "valid")
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_with_what_was_expected(example, change, message):

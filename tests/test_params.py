@@ -78,6 +78,29 @@ def test_a_variant_that_does_not_say_whether_it_is_compared_is_refused(own_conf:
             params.main(given)
 
 
+@pytest.mark.parametrize("name", ["null", "1e5", "my variant", "full.v2", "truth", "position_only"])
+def test_a_variant_s_name_is_text_that_no_table_uses_for_something_else(own_conf: Path, name: str):
+    (own_conf / "variants" / f"{name}.yaml").write_text((own_conf / "variants/full.yaml").read_text())
+    with pytest.raises(InputError, match=f"variants is '{name}': expected another name"):
+        params.main([])
+
+
+@pytest.mark.parametrize("text", ["", "::: {", "<<<<<<< HEAD\ncomposed: []", "composed: []"])
+def test_a_damaged_composed_yaml_is_named_with_what_restores_it(own_conf: Path, text: str):
+    (own_conf / "composed.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"composed\.yaml is missing or damaged .*: `git checkout conf/"):
+        params.main([])
+
+
+@pytest.mark.parametrize("listed", ["", "- users@users.null: null\n  "])
+def test_a_user_s_file_that_nothing_reads_is_named(own_conf: Path, capsys: pytest.CaptureFixture[str], listed: str):
+    (own_conf / "users/null.yaml").write_text((own_conf / "users/careful.yaml").read_text())
+    text = (own_conf / "config.yaml").read_text()
+    (own_conf / "config.yaml").write_text(text.replace("- users@users.normal", f"{listed}- users@users.normal"))
+    assert params.main([]) == 0
+    assert 'conf/users/null.yaml is not read: add `- users@users.null: "null"` to conf/' in capsys.readouterr().err
+
+
 def test_an_edit_of_conf_or_of_params_yaml_is_found(own_conf: Path, capsys: pytest.CaptureFixture[str]):
     assert params.main([]) == 0
     text = Path("params.yaml").read_text()

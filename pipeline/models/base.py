@@ -24,12 +24,17 @@ Z_RANGE_M = -1.5, 2.5  # of a control point [m]: it bends a path up to half a me
 SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most in the last bit
 
 
+def is_array(values: Any) -> bool:
+    """Return whether the values are a NumPy array without a mask, which no model would heed."""
+    return isinstance(values, np.ndarray) and not np.ma.isMaskedArray(values)
+
+
 def check_images(images: Any, name: str = "images") -> None:
     """Raise InputError, which calls the argument `name`, unless it is uint8 (scene, 100, 100, 3), or `Told`."""
     if isinstance(images, Told):
         return
     expected = f"uint8 of shape (scene, {SIDE}, {SIDE}, 3)"
-    if not isinstance(images, np.ndarray):
+    if not is_array(images):
         raise InputError(f"{name} is {type(images).__name__}: expected a NumPy array, {expected}")
     if images.ndim != 4 or not len(images) or images.shape[1:] != (SIDE, SIDE, 3) or images.dtype != np.uint8:
         hint = "" if images.dtype == np.uint8 else "; scale intensities in [0, 1] by 255 and convert them"
@@ -42,8 +47,8 @@ def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
     Points of curves, of shape (scenes, path, point, 2) with two points at least, are right, too.
     """
     expected = f"({scenes}, path, 2), or ({scenes}, path, point, 2): the paths of each of {scenes} scenes"
-    if not isinstance(z_theta, np.ndarray) or z_theta.dtype.kind not in "fiu":
-        given = getattr(z_theta, "dtype", type(z_theta).__name__)
+    if not is_array(z_theta) or z_theta.dtype.kind not in "fiu":
+        given = z_theta.dtype if is_array(z_theta) else type(z_theta).__name__
         raise InputError(f"{name} is {given}: expected a NumPy array of numbers [m] of shape {expected}")
     curves = z_theta.ndim == 4 and z_theta.shape[2] > 1
     if not (curves or z_theta.ndim == 3) or len(z_theta) != scenes or z_theta.shape[-1] != 2:
@@ -58,7 +63,7 @@ def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
 
 def to_tensor(images: Images) -> Pixels:
     """Return images as network input: float in [0, 1], channels first, in channels-last memory format."""
-    pixels = torch.from_numpy(np.ascontiguousarray(images)).permute(0, 3, 1, 2)
+    pixels = torch.from_numpy(np.array(images, order="C")).permute(0, 3, 1, 2)
     return pixels.float().div(255).contiguous(memory_format=torch.channels_last)
 
 
@@ -97,7 +102,7 @@ class ValidityModel(nn.Module, ABC):
         self.eval()
         some = [slice(i, i + SCENES_PER_BATCH) for i in range(0, len(images), SCENES_PER_BATCH)]
         with torch.no_grad(), torch.device("cpu"), torch.autocast("cpu", enabled=False):
-            z = torch.as_tensor(np.asarray(z_theta, dtype=np.float32))
+            z = torch.from_numpy(np.array(z_theta, dtype=np.float32, order="C"))
             return torch.cat([self.logit(self.see(images[s]), z[s]).sigmoid() for s in some]).numpy()
 
     def reconstruction_over_flat(self, images: Images) -> float:

@@ -106,7 +106,6 @@ def constant_detour(layouts: Layouts, margins: Margins, side: int) -> Float[Arra
     Ties go to the largest mean slack, clipped to +-SLACK_CAP_M.
     """
     z = lattice(side)
-    by_scene = [layouts[i : i + 1] for i in range(len(layouts))]  # one at a time bounds the memory
-    slacks = np.stack([slack(scene, clearance(scene, z[None]), margins)[0] for scene in by_scene])
+    slacks = slack(layouts, clearance(layouts, np.broadcast_to(z, (len(layouts), *z.shape))), margins)
     mean_slack = slacks.clip(-SLACK_CAP_M, SLACK_CAP_M).mean(0)
     return z[np.lexsort((mean_slack, (slacks > 0).mean(0)))[-1]]

@@ -52,7 +52,7 @@ def repair(model: ValidityModel, images: Images | Objects, starts: Starts, ascen
     """
     with torch.no_grad():
         percept = model.eval().see(images)
-    given = torch.as_tensor(np.asarray(starts, dtype=np.float32))
+    given = torch.from_numpy(np.array(starts, dtype=np.float32, order="C"))
     if given.ndim == 4:
         curves, b = resample(given, POINTS), torch.from_numpy(basis()).float()
         z, least, most = given.new_zeros(*given.shape[:2], b.shape[1], 2), -np.inf, np.inf

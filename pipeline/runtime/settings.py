@@ -8,7 +8,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from pipeline.runtime.errors import InputError
 
-RESERVED = "truth", "ideal", "z"  # names with another meaning in tables and files
+RESERVED = (
+    "truth",
+    "ideal",
+    "z",
+    "position_only",
+    "nearest_demonstration",
+)  # other meanings in tables and files
+NAME = "^[A-Za-z][A-Za-z0-9_-]*$"
 MAX_N = 10  # largest number of demonstrations per scene (paper: 10)
 Checked = TypeVar("Checked", bound="Group")
 
@@ -62,7 +69,7 @@ Between = Annotated[float, Field(gt=0, lt=1)]
 Share = Annotated[float, Field(gt=0, le=1)]
 Margin = Annotated[float | None, Field(ge=0, lt=1)]  # [m]; null: none
 Margins = Annotated[dict[str, Margin], AfterValidator(_every_symbol)]
-Name = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_-]*$"), AfterValidator(_not_reserved)]
+Name = Annotated[str, Field(pattern=NAME), AfterValidator(_not_reserved)]
 Names = Annotated[list[str], AfterValidator(unique)]
 Some = Annotated[Names, Field(min_length=1)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]

@@ -123,11 +123,7 @@ def _curve(
     for name, members in users.items():
         rows = table[table["user"].isin(members)]
         by_seed = rows.groupby([*KEY, "seed"], sort=False)["accuracy"].mean().groupby(KEY, sort=False)
-        means = (
-            by_seed.agg(["mean", "size"])
-            .rename(columns={"size": "seeds"})
-            .assign(users=name, ci_low=np.nan, ci_high=np.nan)
-        )
+        means = by_seed.agg(mean="mean", seeds="size").assign(users=name, ci_low=np.nan, ci_high=np.nan)
         means["q1"], means["q3"] = by_seed.quantile(0.25), by_seed.quantile(0.75)
         for key, cell in rows.groupby(KEY, sort=False):
             split, effects = key[1], by_seed.get_group(key).to_numpy()[None, None]  # seeds alone are chance

@@ -21,8 +21,6 @@ from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, rando
 from pipeline.world.render import ImageSource, Palette, render_scenes
 from pipeline.world.rules import PAPER_P_VALID, clearance, slack
 
-CHUNK = 10  # scenes per batch of clearances, so that distances stay in the cache
-
 
 class Settings(Group):
     root_seed: Whole
@@ -73,7 +71,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     p_valid = _p_valid(cfg, worlds, z)
     known = p_valid["difference"].dropna().abs()
     side = cfg.scenes.prior_side
-    on_lattice = _count_valid(cfg, bare, np.broadcast_to(lattice(side), (len(bare), side**2, 2)), "position prior")
+    on_lattice = _count_valid(cfg, bare, np.broadcast_to(lattice(side), (len(bare), side**2, 2)))
     prior = {user: (count / len(bare)).reshape(side, side) for user, count in on_lattice.items()}
 
     write_scenes(out_dir, SceneSet(images, layouts, appearances))
@@ -91,7 +89,7 @@ def _p_valid(cfg: DictConfig, worlds: dict[str, Layouts], z: Float[Array, "scene
     """Return the true Table 2: P(valid) of the paths [m] to each user, without and with an added item."""
     rows = []
     for added, layouts in worlds.items():
-        for user, count in _count_valid(cfg, layouts, z, f"P(valid), {added}").items():
+        for user, count in _count_valid(cfg, layouts, z).items():
             truth = round(int(count.sum()) / (z.shape[0] * z.shape[1]), 4)
             rows.append((user, added, truth, PAPER_P_VALID.get(user, {}).get(added, np.nan)))
     table = pd.DataFrame(rows, columns=["user", "added", "truth", "paper"])
@@ -99,15 +97,10 @@ def _p_valid(cfg: DictConfig, worlds: dict[str, Layouts], z: Float[Array, "scene
     return table.sort_values("user", kind="stable", key=lambda users: users.map(list(cfg.users).index))
 
 
-def _count_valid(cfg: DictConfig, layouts: Layouts, z: Array, desc: str) -> dict[str, Int[Array, " path"]]:
+def _count_valid(cfg: DictConfig, layouts: Layouts, z: Array) -> dict[str, Int[Array, " path"]]:
     """Return by user, for each column of `z`, the number of scenes in which that path [m] is truly valid."""
-    counts = {user: np.zeros(z.shape[1], dtype=int) for user in cfg.users}
-    for first in tqdm(range(0, len(layouts), CHUNK), desc=desc, leave=False):
-        chunk = slice(first, first + CHUNK)
-        clearances = clearance(layouts[chunk], z[chunk])
-        for user, margins in cfg.users.items():
-            counts[user] += (slack(layouts[chunk], clearances, margins) > 0).sum(0)
-    return counts
+    clearances = clearance(layouts, z)
+    return {user: (slack(layouts, clearances, margins) > 0).sum(0) for user, margins in cfg.users.items()}
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How each stage fits its variants."""
+"""Choose how a variant is fitted: by the trainer of its stage."""
 
 from collections.abc import Mapping
 from typing import Any

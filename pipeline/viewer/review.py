@@ -208,7 +208,7 @@ def _main() -> int:
     parser.add_argument("--check", action="store_true", help="verify the file and compare its digest; no window")
     args = parser.parse_args()
     run, cfg = args.run, load(PARAMS)
-    folders = Path(cfg.paths.selection), Path(cfg.paths.record) / "runs"
+    folders = Path(cfg.paths.record), Path(cfg.paths.runs)
     if args.worst:
         run, reason = worst(*folders)
         print(reason, flush=True)

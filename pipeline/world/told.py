@@ -1,4 +1,4 @@
-"""What stands on tables, as somebody told, instead of pictures."""
+"""Mark what is told of scenes instead of pictures."""
 
 
 class Told:

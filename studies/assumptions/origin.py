@@ -1,4 +1,4 @@
-"""Where an effect's error arises: in seeing items, in telling kinds apart, or in the rule.
+"""Find where an effect's error arises: in seeing items, in telling kinds apart, or in the rule.
 
 The percept is set to the truth in two steps, do(Z_I := true outlines) and do(Z_I := true outlines, typical looks of the
 true kind), and the effect of an added item is asked again: what a step changes is that part's share of the error. The

@@ -72,7 +72,7 @@ class Starts(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What one model says of all versions of the scenes, and its repairs."""
+    """Hold what one model says of all versions of the scenes, and its repairs."""
 
     p: Float[Array, "version scene path"]
     repairs: pd.DataFrame  # a row for each method and start
@@ -114,9 +114,8 @@ def s_shapes(rng: np.random.Generator, *shape: int) -> Float[Array, "*shape cont
 
 
 def is_valid(layouts: Layouts, points: Points, margins: Margins) -> Bool[Array, "scene path"]:
-    """Return whether curves, given by their points [m], are truly valid to the user, scene by scene to save memory."""
-    one = [slack(layouts[[i]], line_clearance(layouts[[i]], points[[i]]), margins) for i in range(len(layouts))]
-    return np.concatenate(one) > 0
+    """Return whether curves, given by their points [m], are truly valid to the user."""
+    return slack(layouts, line_clearance(layouts, points), margins) > 0
 
 
 def demonstrations(cfg: DictConfig, scenes: SceneSet) -> tuple[dict[str, list[TrainingSet]], pd.DataFrame]:

@@ -44,5 +44,5 @@ dvc pull --quiet --remote store data.dvc rendered/pictures.dvc
 python -m pipeline.params "profile=$profile"
 dvc repro $pipelines
 git add -A && git commit -qm "$profile run"
-test -s reports/index.html && test -s reports/metrics.json && test -s outputs/record/recordings.csv
+test -s reports/index.html && test -s reports/metrics.json && test -s reports/recordings/recordings.csv
 echo "$profile run complete: $(find outputs/record/runs -name '*.rrd' | wc -l) recordings, report of $(stat -c %s reports/index.html) bytes"

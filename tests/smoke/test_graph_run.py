@@ -67,7 +67,7 @@ def test_a_second_repro_runs_no_stage_and_every_output_is_listed(clone: Path):
             listed = {Path(out["path"]) for out in stage["outs"]}
             for folder in {out.parent for out in listed if (clone / out).is_file()}:  # what is no folder as a whole
                 written = {p.relative_to(clone) for p in (clone / folder).iterdir() if p.name != ".gitignore"}
-                if name not in ("params", "record", "report", "selection"):  # results, recordings, pages, code besides
+                if name not in ("params", "record", "report"):  # results, pages, code besides
                     assert written <= listed, f"{name} writes {written - listed}, which no dvc.yaml lists"
 
 
@@ -128,7 +128,7 @@ def test_results_pushed_to_a_remote_arrive_in_a_fresh_clone(clone: Path, tmp_pat
     run(fresh, "dvc", "pull")
     assert UP_TO_DATE in run(fresh, "dvc", "repro", "-P")
     assert run(fresh, "git", "status", "--porcelain") == ""
-    recorded = fresh / "outputs/record/recordings.csv"  # pushed as all outputs are; recordings are written again
+    recorded = fresh / "reports/recordings/recordings.csv"
     digests = recorded.read_bytes()
     run(fresh, sys.executable, "-m", "pipeline.stages.record", "--params", "params.yaml")
     assert recorded.read_bytes() == digests and (fresh / "outputs/record/runs/overview.rrd").is_file()

@@ -99,9 +99,7 @@ def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> li
 
     @torch.no_grad()
     def hand_over() -> None:
-        for name, of_models in stacked.named_parameters():
-            for model, value in zip(models, of_models, strict=True):
-                model.get_parameter(name).copy_(value)
+        loop.unstack_models(dict(stacked.named_parameters()), models)
         for data in zip(models, percepts, z_theta, labels, strict=True):
             set_model_evidence(*data)
 
