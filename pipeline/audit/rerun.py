@@ -1,5 +1,6 @@
 """Run a commit's stages again in its clone, with the packages that it pins."""
 
+import hashlib
 import os
 import shutil
 import sys
@@ -51,7 +52,10 @@ def run(clone: Path, stages: list[str], profile: str | None = None) -> Hashes:
 
 
 def outputs(clone: Path) -> Hashes:
-    """Return the hash of every output of the paper's stages that their lock names, but for recordings."""
+    """Return the hash of every output of the paper's stages that their lock names, and of the table of recordings."""
     stages = {name: lock for name, lock in read_locks(clone).items() if not name.startswith("studies/")}
     outs = ((name, out) for name, lock in stages.items() for out in lock.get("outs", []))
-    return {(name, out["path"]): out["md5"] for name, out in outs if out["path"] != RECORDINGS}
+    hashes = {(name, out["path"]): out["md5"] for name, out in outs if out["path"] != RECORDINGS}
+    table = f"{RECORDINGS}/recordings.csv"
+    kept = [("record", table)] if (clone / table).is_file() else []
+    return hashes | {key: hashlib.md5((clone / table).read_bytes()).hexdigest() for key in kept}

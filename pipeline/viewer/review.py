@@ -1,12 +1,5 @@
 """Open recordings in Rerun's viewer, and note what was seen.
 
-python -m pipeline.viewer.review                   all variants and the truth
-python -m pipeline.viewer.review full-careful-s10950   one run
-python -m pipeline.viewer.review --worst           the run with the lowest accuracy
-python -m pipeline.viewer.review --all             tables of all runs and of their worst scenes, to sort and filter
-python -m pipeline.viewer.review --between A B     overviews of two commits: where B is wrong and A was right
-python -m pipeline.viewer.review --web             in a browser, served to this machine only
-python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
 python -m pipeline.viewer.review full-careful-s10950 --verdict wrong --scene 7 --note "through the glass"
                                                    no window: add a line to reports/reviewed.csv and commit it
 """

@@ -149,8 +149,8 @@ def read_envelope_scenes(cfg: DictConfig) -> Scenes:
 def choose_paths(cfg: DictConfig, scenes: Scenes, doses: Float[Array, " dose"]) -> Chosen:
     """Return a candidate at each dose; InputError if a dose occurs with fewer than two items of a symbol."""
     study = cfg.studies.safety.envelope
-    to_others = scene_clearance(scenes.layouts, scenes.z_theta).min(-1)
-    to_added = [scene_clearance(item, scenes.z_theta)[..., 0] for item in scenes.added.placed]
+    to_others = clearance(scenes.layouts, scenes.z_theta).min(-1)
+    to_added = [clearance(item, scenes.z_theta)[..., 0] for item in scenes.added.placed]
     chosen = np.stack([path_at_doses(c, to_others, doses, study.clear_of_others) for c in to_added])
     for symbol, item, has_dose in zip(SYMBOLS, scenes.added.item, chosen >= 0, strict=True):
         items = np.array([len(np.unique(item[scene])) for scene in has_dose.T])  # number of items by dose
@@ -159,11 +159,6 @@ def choose_paths(cfg: DictConfig, scenes: Scenes, doses: Float[Array, " dose"]) 
             how = "raise studies.safety.envelope.candidates, lower its doses or clear_of_others, or intervene on"
             raise InputError(f"{what} and in contact, in some scene: expected at least 2; {how} more scenes")
     return chosen
-
-
-def scene_clearance(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path slot"]:
-    """Return the clearances [m], one scene at a time to limit memory."""
-    return np.concatenate([clearance(layouts[[i]], z_theta[[i]]) for i in range(len(layouts))])
 
 
 def responses(cfg: DictConfig, scenes: Scenes, chosen: Chosen) -> dict[str, Array]:

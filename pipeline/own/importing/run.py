@@ -31,7 +31,8 @@ Read = Callable[[Path, Choices], tuple[list[Recording], Choices, list[str]]]
 
 def main(arguments: Sequence[str]) -> int:
     """Import logs as the command line says; return 0. Raise InputError, with nothing written, if one cannot be used."""
-    parser = argparse.ArgumentParser("python -m pipeline.own import", description="Make a folder from logs.")
+    parser = argparse.ArgumentParser("python -m pipeline.own import", "%(prog)s [options] LOG [LOG ...] FOLDER")
+    parser.description = "Make a folder from logs."
     parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="ROS bag, LeRobot data set or csv file")
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="new, or with table.yaml alone, which then holds")
     parser.add_argument("--topic", help="of the poses, in a bag")
