@@ -26,6 +26,13 @@ def digest(path: Path) -> str:
     return hashed.hexdigest()
 
 
+def worst_scenes(path: Path) -> list[int]:
+    """Return the numbers of a run's worst scenes, as its recording at `path` names them; of an overview none."""
+    chunks = RrdReader(path).stream().filter(content="/__properties/worst").to_chunks()
+    batches = [chunk.to_record_batch() for chunk in chunks]
+    return [scene for batch in batches if "scene" in batch.schema.names for scene in batch["scene"][0].as_py()]
+
+
 def _cells(chunk: Chunk) -> list[Cell]:
     """Return one cell per row and component, without absent values, whose presence depends on chunking."""
     batch = chunk.to_record_batch()

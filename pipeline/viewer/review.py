@@ -23,6 +23,7 @@ from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 import pandas as pd
+from filelock import FileLock
 from omegaconf import DictConfig
 from rerun.catalog import CatalogClient, DatasetEntry
 
@@ -32,9 +33,10 @@ from pipeline.git import run as run_in
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import PARAMS
+from pipeline.runtime.reading import read_csv
 from pipeline.viewer.catalog import RUNS, SCENES, catalog, facts_of_runs
 from pipeline.viewer.compared import read_overview, write_comparison
-from pipeline.viewer.digest import digest
+from pipeline.viewer.digest import digest, worst_scenes
 from pipeline.viewer.linked import Place, linked, place, served
 from pipeline.viewer.run import OVERVIEW, REPAIR, SCENE, layout, overview_layout
 
@@ -85,25 +87,49 @@ def check(kept: Path, runs: Path, run: str) -> None:
         raise InputError(f"{says}: delete it and run `make repro`")
 
 
+def reviewed() -> pd.DataFrame:
+    """Return reviewed.csv, or no rows without one; InputError, with nothing lost, for anything but verdicts in it."""
+    if not REVIEWED.is_file():
+        return pd.DataFrame(columns=REVIEWED_COLUMNS).astype({"scene": "Int64"})
+    try:
+        table = read_csv(REVIEWED, REVIEWED_COLUMNS)[REVIEWED_COLUMNS]
+        scenes = pd.to_numeric(table["scene"]).astype("Int64")
+        wrong = table[~table["verdict"].isin(VERDICTS) | table[["run", "sha256"]].isna().any(axis=1)]
+        if len(wrong):
+            raise ValueError(f"a row is {wrong.iloc[0].dropna().tolist()}")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        kept = "after a merge keep the rows of both sides and take out git's marks"
+        raise InputError(f"{REVIEWED} cannot be read ({error}): expected {REVIEWED_COLUMNS}; {kept}") from error
+    return table.assign(scene=scenes)
+
+
 def reviews(kept: Path) -> pd.DataFrame:
     """Return what was noted of recordings as they are now; a note on other contents than today's is left out."""
-    if not REVIEWED.is_file():
-        return pd.DataFrame(columns=REVIEWED_COLUMNS)
-    table = read_table(REVIEWED, REVIEWED_COLUMNS).fillna({"note": ""})
-    digests = read_table(kept / "recordings.csv", COLUMNS)["sha256"]
+    table, digests = reviewed().fillna({"note": ""}), read_table(kept / "recordings.csv", COLUMNS)["sha256"]
     return table[table["sha256"].isin(digests)]
 
 
 def note(kept: Path, runs: Path, run: str, verdict: str, scene: int | None, text: str) -> None:
-    """Add a verdict on a run, or one of its scenes, to reviewed.csv and commit that file with git's user name."""
-    contents = digest(find(kept, runs, run))
-    who, here = git(Path(), "config", "user.name").strip(), REVIEWED.is_file()
-    row = [run, scene, verdict, text, who, f"{datetime.now(UTC):%Y-%m-%d}", contents]
+    """Add a verdict on a run, or one of its worst scenes, to reviewed.csv and commit that file with git's user name.
+
+    One reviewer's command waits for another's. Raises InputError, with the file as it was, if git does not commit it.
+    """
+    path = find(kept, runs, run)
+    if scene is not None and scene not in (scenes := worst_scenes(path)):
+        raise InputError(f"scene {scene} is none of the worst of {run}: expected one of {scenes}, or no scene")
+    who = git(Path(), "var", "GIT_AUTHOR_IDENT").partition(" <")[0]
+    row = [run, scene, verdict, text, who, f"{datetime.now(UTC):%Y-%m-%d}", digest(path)]
     new = pd.DataFrame([row], columns=REVIEWED_COLUMNS).astype({"scene": "Int64"})
-    old = [read_table(REVIEWED, REVIEWED_COLUMNS).astype({"scene": "Int64"})] if here else []
-    write_table(REVIEWED, pd.concat([*old, new]))
-    git(Path(), "add", str(REVIEWED))
-    git(Path(), "commit", "--quiet", "--message", f"Review of {run}: {verdict}", "--", str(REVIEWED))
+    with FileLock(git(Path(), "rev-parse", "--git-path", "reviewed.lock").strip()):
+        old, before = reviewed(), REVIEWED.read_bytes() if REVIEWED.is_file() else None
+        write_table(REVIEWED, pd.concat([old, new]))
+        try:
+            git(Path(), "add", str(REVIEWED))
+            git(Path(), "commit", "--quiet", "--message", f"Review of {run}: {verdict}", "--", str(REVIEWED))
+        except InputError:
+            REVIEWED.unlink() if before is None else REVIEWED.write_bytes(before)
+            run_in(["git", "reset", "--quiet", "--", str(REVIEWED)], Path(), capture_output=True)
+            raise
 
 
 def show_all(cfg: DictConfig, kept: Path, runs: Path, web: bool) -> int:
@@ -117,7 +143,10 @@ def show_all(cfg: DictConfig, kept: Path, runs: Path, web: bool) -> int:
     }
     with catalog(files, layouts, reviews(kept), commit) as client:
         listed = read_table(kept / "recordings.csv", COLUMNS)
-        print(f"{len(files)} of {len(listed)} recordings; `make repro` writes all", flush=True)
+        unread = files.keys() - {*client.get_dataset(RUNS).segment_ids(), OVERVIEW}
+        print(f"{len(files) - len(unread)} of {len(listed)} recordings; `make repro` writes all", flush=True)
+        if unread:
+            print(f"delete these, which cannot be read or hold another run: {', '.join(sorted(unread))}", flush=True)
         entries = client.get_dataset(RUNS), client.get_table(SCENES)
         addresses = [f"{client.url}/entry/{entry.id}" for entry in entries]
         if not web:

@@ -113,7 +113,7 @@ def text(name: str, *shown: Any) -> str:
     return getattr(_TEMPLATES.get_template("texts.md.j2").module, name)(*shown)
 
 
-def layout(training_scenes: int, name: str = "run") -> rrb.Blueprint:
+def layout(training_scenes: int) -> rrb.Blueprint:
     """Return the tabs of every run: its worst scenes, and one for each other topic."""
     scenes = views.board(
         (1, 3), "/table/**", *(f"/predicted/{x}" for x in ("map", "lines", "z_theta")), "/outcomes/map", *FIXED
@@ -130,7 +130,7 @@ def layout(training_scenes: int, name: str = "run") -> rrb.Blueprint:
     tabs.append(views.beside_text("Learning", rrb.Vertical(maps, losses, row_shares=[4, 3]), "learning"))
     if training_scenes:
         tabs.append(views.beside_text("Training scenes", views.board((1, training_scenes), "/training/**"), "training"))
-    return views.tabbed(name, tabs, rrb.TimePanel(state="collapsed", timeline=REPAIR, fps=6.0, loop_mode="all"))
+    return views.tabbed("run", tabs, rrb.TimePanel(state="collapsed", timeline=REPAIR, fps=6.0, loop_mode="all"))
 
 
 def _log_repairs(recording: rr.RecordingStream, run: Run, rank: int) -> None:
@@ -263,15 +263,9 @@ def _log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:
         _log_marks(recording, entity, fitted[:, POINTS // 2], shown.valid, static=True)
 
 
-def _places(variants: int) -> list[views.Panel]:
-    """Return the overview's panels of the table, the truth and each variant."""
-    return [divmod(i, COLUMNS) for i in range(2 + variants)]
-
-
 def overview_layout(users: Sequence[str], variants: int) -> rrb.Blueprint:
     """Return the tabs of an overview of that many variants: one for each user."""
-    places = _places(variants)
-    shape = places[-1][0] + 1, min(len(places), COLUMNS)
+    shape = (1 + variants) // COLUMNS + 1, min(2 + variants, COLUMNS)  # panels: table, truth, each variant
     boards = {user: views.board(shape, f"/{user}/**", FIXED[1]) for user in users}
     tabs = [views.beside_text(f"{user} user", shown, "overview") for user, shown in boards.items()]
     time = rrb.TimePanel(state="collapsed", timeline=SCENE, play_state="paused", fps=0.5)
@@ -281,7 +275,7 @@ def overview_layout(users: Sequence[str], variants: int) -> rrb.Blueprint:
 def write_overview(path: Path, runs: Sequence[Run]) -> None:
     """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint: a tab per user."""
     users = grouped(runs, "user")
-    places = _places(max(map(len, users.values())))
+    places = [divmod(i, COLUMNS) for i in range(2 + max(map(len, users.values())))]
     with views.recording_at(path, OVERVIEW, overview_layout(list(users), len(places) - 2)) as recording:
         views.log_texts(recording, text("about_overview", runs), {"overview": text("overview", runs)})
         views.log_table_edges(recording, "fixed", places[1:])
