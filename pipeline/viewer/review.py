@@ -1,15 +1,4 @@
-"""Open recordings in Rerun's viewer, and note what was seen.
-
-python -m pipeline.viewer.review                   all variants and the truth
-python -m pipeline.viewer.review full-careful-s10950   one run
-python -m pipeline.viewer.review --worst           the run with the lowest accuracy
-python -m pipeline.viewer.review --all             tables of all runs and of their worst scenes, to sort and filter
-python -m pipeline.viewer.review --between A B     overviews of two commits: where B is wrong and A was right
-python -m pipeline.viewer.review --web             in a browser, served to this machine only
-python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
-python -m pipeline.viewer.review full-careful-s10950 --verdict wrong --scene 7 --note "through the glass"
-                                                   no window: add a line to reports/reviewed.csv and commit it
-"""
+"""Open recordings in Rerun's viewer, and note what was seen (docs/review.md)."""
 
 import argparse
 import os
@@ -76,10 +65,6 @@ def worst(kept: Path, runs: Path) -> tuple[str, str]:
 def check(kept: Path, runs: Path, run: str) -> None:
     """Raise InputError unless Rerun can read the recording and its digest matches recordings.csv."""
     path = find(kept, runs, run)
-    verify = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
-    verified = subprocess.run(verify, capture_output=True, encoding="utf-8", errors="replace")
-    if verified.returncode:
-        raise InputError(f"{path} is damaged: delete it and run `make repro`\n{verified.stderr.strip()}")
     expected = read_table(kept / "recordings.csv", COLUMNS).set_index("run")["sha256"].get(run)
     contents = digest(path)
     if expected != contents:
@@ -114,11 +99,11 @@ def note(kept: Path, runs: Path, run: str, verdict: str, scene: int | None, text
 
     One reviewer's command waits for another's. Raises InputError, with the file as it was, if git does not commit it.
     """
-    path = find(kept, runs, run)
+    contents = digest(path := find(kept, runs, run))
     if scene is not None and scene not in (scenes := worst_scenes(path)):
         raise InputError(f"scene {scene} is none of the worst of {run}: expected one of {scenes}, or no scene")
     who = git(Path(), "var", "GIT_AUTHOR_IDENT").partition(" <")[0]
-    row = [run, scene, verdict, text, who, f"{datetime.now(UTC):%Y-%m-%d}", digest(path)]
+    row = [run, scene, verdict, text, who, f"{datetime.now(UTC):%Y-%m-%d}", contents]
     new = pd.DataFrame([row], columns=REVIEWED_COLUMNS).astype({"scene": "Int64"})
     with FileLock(git(Path(), "rev-parse", "--git-path", "reviewed.lock").strip()):
         old, before = reviewed(), REVIEWED.read_bytes() if REVIEWED.is_file() else None
@@ -204,10 +189,7 @@ def show(shown: list[str], web: bool = False, page: int = 0) -> int:
     """
     screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not (web or screen):
-        names = " ".join(Path(name).name for name in shown)
-        here = f"add --web to look at {names} in a browser, --check to verify a recording"
-        there = "copy the recording to a machine with a display and run `rerun` there"
-        raise InputError(f"no display to open a window on: {here}, or {there}")
+        raise InputError("no display to open a window on: expected WEB=1 (or --web) for a browser, or a display")
     command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *shown]
     if web:
         page, port = page or free_port(), free_port()
@@ -222,15 +204,15 @@ def show(shown: list[str], web: bool = False, page: int = 0) -> int:
 
 
 def _main() -> int:
-    about, _, examples = (__doc__ or "").partition("\n\n")
-    parser = argparse.ArgumentParser("python -m pipeline.viewer.review", None, about, examples)
-    parser.formatter_class = argparse.RawTextHelpFormatter
+    parser = argparse.ArgumentParser("python -m pipeline.viewer.review", description=__doc__)
     which = parser.add_mutually_exclusive_group()
     which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
     which.add_argument("--worst", action="store_true", help="the run with the lowest accuracy")
     which.add_argument("--all", action="store_true", help="tables of all runs and of their worst scenes")
     which.add_argument("--between", nargs=2, metavar=("A", "B"), help="overviews of two commits")
-    parser.add_argument("--verdict", choices=VERDICTS, help="note it of the run in reports/reviewed.csv; no window")
+    parser.add_argument(
+        "--verdict", choices=VERDICTS, help="add it to reports/reviewed.csv and commit that file; no window"
+    )
     parser.add_argument("--scene", type=int, help="of the verdict: one scene of the run, not all of it")
     parser.add_argument("--note", default="", help="of the verdict: why")
     parser.add_argument("--web", action="store_true", help="serve Rerun's web viewer to this machine")

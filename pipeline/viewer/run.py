@@ -84,7 +84,7 @@ def write_run(path: Path, run: Run) -> None:
         views.log_titles(recording, "fixed", TITLES)
         views.log_table_edges(recording, "fixed", MAPS.values())
         for name, place in MAPS.items():
-            views.log_static(recording, name, views.panel(place, len(run.shown[0].truth)))
+            recording.log(name, views.panel(place, len(run.shown[0].truth)), static=True)
         first = run.shown[0]
         views.log_table(recording, "first", first.image, first.layout, run.margins, static=True)
         for rank in range(len(run.repairs)):
@@ -183,7 +183,7 @@ def _log_series(
     recording: rr.RecordingStream, entity: str, timeline: str, steps: Array, series: Mapping[str, Array], **style: Any
 ) -> None:
     """Log the values of each named series at all `steps` of a time line at once."""
-    views.log_static(recording, entity, rr.SeriesLines(names=list(series), **style))
+    recording.log(entity, rr.SeriesLines(names=list(series), **style), static=True)
     values = np.stack(list(series.values()), axis=-1).astype(np.float64)
     columns = rr.Scalars.columns(scalars=values.ravel()).partition([len(series)] * len(values))
     recording.send_columns(entity, [rr.TimeColumn(timeline, sequence=steps)], columns)
@@ -204,7 +204,7 @@ def _log_marks(recording: rr.RecordingStream, entity: str, centres: Array, valid
 def _log_interventions(recording: rr.RecordingStream, run: Run) -> None:
     """Log the effect of each added item on table, maps and E[V] in the first new scene: a step each."""
     before, entity = run.shown[0], "interventions"
-    views.log_static(recording, f"{entity}/table", views.panel((1, 0), TABLE_PIXELS))
+    recording.log(f"{entity}/table", views.panel((1, 0), TABLE_PIXELS), static=True)
     views.log_titles(recording, entity, EFFECTS)
     views.log_table_edges(recording, entity, EFFECT_MAPS.values())
     for step, done in enumerate(run.interventions):
@@ -252,14 +252,14 @@ def _log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:
     views.log_titles(recording, "training", titles)
     for column, shown in enumerate(run.demonstrations):
         entity = f"training/{column}"
-        views.log_static(recording, entity, views.panel((0, column), TABLE_PIXELS))
+        recording.log(entity, views.panel((0, column), TABLE_PIXELS), static=True)
         views.log_table(recording, entity, shown.image, shown.layout, run.margins)
         fitted = on_table(curve(shown.z, POINTS))
         recorded = [on_table(samples[::EVERY, 1:3]) for samples in shown.samples]
         colours = [*(views.VALID if valid else views.INVALID for valid in shown.valid), *len(recorded) * [RECORDED]]
         radii = [*np.where(shown.valid, 0.5, 0.25).tolist(), *len(recorded) * [0.08]]
         lines = rr.LineStrips2D([*fitted, *recorded], colors=colours, radii=radii)
-        views.log_static(recording, f"{entity}/paths", lines)
+        recording.log(f"{entity}/paths", lines, static=True)
         _log_marks(recording, entity, fitted[:, POINTS // 2], shown.valid, static=True)
 
 

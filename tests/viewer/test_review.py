@@ -123,12 +123,9 @@ def test_a_number_is_seen_in_the_least_accurate_run_at_its_scene_or_its_added_it
     run = {"variant": "full", "user": "careful", "seed": 0, "run": "a", "accuracy": 0.5, "scenes": [7], "steps": [30]}
     runs = [run, run | {"run": "b", "seed": 1, "accuracy": 0.4, "scenes": [9], "steps": [31]}]
     full = {"variant": "full", "user": "careful"}
-    assert place(runs, full) == ("b", "repair_step", 31) and place(runs, full | {"seed": "0"}) == (
-        "a",
-        "repair_step",
-        30,
-    )
-    assert place(runs, full | {"scene": "7"}) == ("a", "repair_step", 30)
+    assert place(runs, full) == ("b", "repair_step", 31)
+    for named in ({"seed": "0"}, {"scene": "7"}):
+        assert place(runs, full | named) == ("a", "repair_step", 30)
     assert place(runs, full | {"symbol": "glass"}) == ("b", "intervention", 3)
     assert place(runs, {"variant": "truth"}) is None and place(runs, {"split": "new_items"}) is None
 
