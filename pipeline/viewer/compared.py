@@ -61,13 +61,11 @@ def write_comparison(path: Path, before: Maps, now: Maps) -> int:
             total = {s: sum(n for (u, _, scene), n in worse.items() if (u, scene) == (user, s)) for s in scenes}
             for step, name in enumerate(sorted(scenes, key=lambda s: -total[s])):
                 recording.set_time(SCENE, sequence=step)
-                shown = {
-                    variant: changes[user, variant, name] for variant in variants if (user, variant, name) in changes
-                }
-                counts = {variant: worse[user, variant, name] for variant in shown}
+                counts = {v: worse[user, v, name] for v in variants if (user, v, name) in worse}
                 titles = {places[v]: f"{name}, {label(v)}: {n} cells worse" for v, n in counts.items()}
                 views.log_titles(recording, user, titles)
-                for variant, change in shown.items():
+                for variant in counts:
+                    change = changes[user, variant, name]
                     image = rr.SegmentationImage((views.OUTCOME + change).astype(np.uint8), opacity=1.0)
                     recording.log(f"{user}/{variant}/map", image, views.panel(places[variant], len(change)))
     return sum(worse.values())

@@ -36,8 +36,7 @@ def digest(path: Path) -> str:
 
 def worst_scenes(path: Path) -> list[int]:
     """Return the numbers of a run's worst scenes, as its recording at `path` names them; of an overview none."""
-    chunks = RrdReader(path).stream().filter(content="/__properties/worst").to_chunks()
-    batches = [chunk.to_record_batch() for chunk in chunks]
+    batches = [c.to_record_batch() for c in RrdReader(path).stream().filter(content="/__properties/worst").to_chunks()]
     return [scene for batch in batches if "scene" in batch.schema.names for scene in batch["scene"][0].as_py()]
 
 

@@ -29,7 +29,6 @@ from pipeline.viewer.digest import digest, worst_scenes
 from pipeline.viewer.linked import Place, linked, place, served
 from pipeline.viewer.run import OVERVIEW, REPAIR, SCENE, layout, overview_layout
 
-EXAMPLES = 5  # recordings listed in an error message
 COLUMNS = ["run", "sha256", "accuracy"]  # of recordings.csv
 REVIEWED = Path("reports/reviewed.csv")  # with the digest of the recording that was looked at
 REVIEWED_COLUMNS = ["run", "scene", "verdict", "note", "who", "when", "sha256"]
@@ -45,8 +44,9 @@ def find(kept: Path, runs: Path, run: str) -> Path:
     """Return the recording of `run`, or the overview; InputError if there is none."""
     here = recordings(kept, runs)
     if run not in here:
-        names = ", ".join(list(here)[:EXAMPLES]) or "none"
-        known = f"no recording {run!r} here, but {names}: expected <variant>-<user>-s<seed>"
+        known = (
+            f"no recording {run!r} here, but {', '.join(list(here)[:5]) or 'none'}: expected <variant>-<user>-s<seed>"
+        )
         raise InputError(f"{known}; git keeps few of them, `make repro` writes all")
     return here[run]
 
