@@ -66,8 +66,7 @@ def check(kept: Path, runs: Path, run: str) -> None:
     """Raise InputError unless Rerun can read the recording and its digest matches recordings.csv."""
     path = find(kept, runs, run)
     expected = read_table(kept / "recordings.csv", COLUMNS).set_index("run")["sha256"].get(run)
-    contents = digest(path)
-    if expected != contents:
+    if expected != (contents := digest(path)):
         says = f"{path} has digest {contents}, recordings.csv says {expected}"
         raise InputError(f"{says}: delete it and run `make repro`")
 
@@ -104,10 +103,9 @@ def note(kept: Path, runs: Path, run: str, verdict: str, scene: int | None, text
         raise InputError(f"scene {scene} is none of the worst of {run}: expected one of {scenes}, or no scene")
     who = git(Path(), "var", "GIT_AUTHOR_IDENT").partition(" <")[0]
     row = [run, scene, verdict, text, who, f"{datetime.now(UTC):%Y-%m-%d}", contents]
-    new = pd.DataFrame([row], columns=REVIEWED_COLUMNS).astype({"scene": "Int64"})
     with FileLock(git(Path(), "rev-parse", "--git-path", "reviewed.lock").strip()):
         old, before = reviewed(), REVIEWED.read_bytes() if REVIEWED.is_file() else None
-        write_table(REVIEWED, pd.concat([old, new]))
+        write_table(REVIEWED, pd.concat([old, pd.DataFrame([row], columns=REVIEWED_COLUMNS)]))
         try:
             git(Path(), "add", str(REVIEWED))
             git(Path(), "commit", "--quiet", "--message", f"Review of {run}: {verdict}", "--", str(REVIEWED))
@@ -166,9 +164,8 @@ def show_between(kept: Path, commits: tuple[str, str], web: bool) -> int:
             name = f"{commit}:{(kept / OVERVIEW).as_posix()}.rrd"
             said = subprocess.run(["git", "show", name], env=environment(), capture_output=True)
             if said.returncode:
-                raise InputError(
-                    f"git has no {name}: expected two commits with an overview ({said.stderr.decode().strip()})"
-                )
+                reason = said.stderr.decode().strip()
+                raise InputError(f"git has no {name}: expected two commits with an overview ({reason})")
             (Path(folder) / f"{i}.rrd").write_bytes(said.stdout)
             maps.append(read_overview(Path(folder) / f"{i}.rrd"))
         worse = write_comparison(Path(folder) / "compared.rrd", *maps)

@@ -170,9 +170,8 @@ def _answer(cfg: DictConfig, asked: Versions, job: tuple[str, str]) -> Predicted
 
 
 def miss(rng: np.random.Generator, objects: Objects, share: float) -> Objects:
-    """Return the objects without a random share of them."""
+    """Return the objects, in the first slots, without a random share of them."""
     present = objects.present & (rng.uniform(size=objects.present.shape) >= share)
-    # objects fill the first slots
     order = np.arange(len(objects))[:, None], np.argsort(~present, axis=1, kind="stable")
     kept = {f.name: getattr(objects, f.name)[order] for f in fields(objects) if f.name != "doubt"}
     return replace(objects, **kept | {"present": present[order]})
