@@ -56,6 +56,8 @@ def catalog(
             layouts[name].save(name, folder / f"{name}.rbl")
             client.get_dataset(name).register_blueprint((folder / f"{name}.rbl").as_uri())
         dataset = client.get_dataset(RUNS)
+        if not dataset.segment_ids():
+            raise InputError("no recording of a run can be read here: expected those of stage record; run `make repro`")
         whole = reviews[reviews["scene"].isna()].drop_duplicates("run", keep="last").set_index("run")
         layers = []
         for run in dataset.segment_ids():

@@ -19,13 +19,7 @@ Maps = dict[tuple[str, str, str], UInt8[Array, "side side"]]  # by user, variant
 TEXT = """One step a scene, the one with most *right before, wrong now* first. A panel for each model in both commits.
 
 Light: right in both. Dark: wrong in both. **Orange: right before, wrong now. Blue: wrong before, right now.**"""
-# from outcomes that are right, before and now
-CLASSES = {
-    (True, True): ACCEPTED,
-    (False, False): REJECTED,
-    (True, False): FALSELY_VALID,
-    (False, True): FALSELY_INVALID,
-}
+CLASSES = np.array([[REJECTED, FALSELY_INVALID], [FALSELY_VALID, ACCEPTED]])  # [right before, right now]
 
 
 def read_overview(path: Path) -> Maps:
@@ -52,8 +46,8 @@ def write_comparison(path: Path, before: Maps, now: Maps) -> int:
         raise InputError("the two commits share no model and scene: expected overviews of the same users and variants")
     changes = {}
     for key in shared:
-        right = [np.isin(maps[key] - views.OUTCOME, (ACCEPTED, REJECTED)) for maps in (before, now)]
-        changes[key] = np.select([(right[0] == b) & (right[1] == n) for b, n in CLASSES], list(CLASSES.values()))
+        right = [np.isin(maps[key] - views.OUTCOME, (ACCEPTED, REJECTED)).astype(int) for maps in (before, now)]
+        changes[key] = CLASSES[right[0], right[1]]
     worse = {key: int((change == FALSELY_VALID).sum()) for key, change in changes.items()}
     variants, users = ([*dict.fromkeys(key[i] for key in shared)] for i in (1, 0))
     places = {variant: divmod(i, COLUMNS) for i, variant in enumerate(variants)}
@@ -67,13 +61,11 @@ def write_comparison(path: Path, before: Maps, now: Maps) -> int:
             total = {s: sum(n for (u, _, scene), n in worse.items() if (u, scene) == (user, s)) for s in scenes}
             for step, name in enumerate(sorted(scenes, key=lambda s: -total[s])):
                 recording.set_time(SCENE, sequence=step)
-                shown = {
-                    variant: changes[user, variant, name] for variant in variants if (user, variant, name) in changes
-                }
-                counts = {variant: worse[user, variant, name] for variant in shown}
+                counts = {v: worse[user, v, name] for v in variants if (user, v, name) in worse}
                 titles = {places[v]: f"{name}, {label(v)}: {n} cells worse" for v, n in counts.items()}
                 views.log_titles(recording, user, titles)
-                for variant, change in shown.items():
+                for variant in counts:
+                    change = changes[user, variant, name]
                     image = rr.SegmentationImage((views.OUTCOME + change).astype(np.uint8), opacity=1.0)
                     recording.log(f"{user}/{variant}/map", image, views.panel(places[variant], len(change)))
     return sum(worse.values())

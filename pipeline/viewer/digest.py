@@ -11,19 +11,33 @@ import numpy as np
 import pyarrow as pa
 from rerun.chunk import Chunk, RrdReader
 
+from pipeline.runtime.errors import InputError
+
 Cell = tuple[str, str, tuple[tuple[str, int], ...], bytes]  # entity, component, times, value
 
 
 def digest(path: Path) -> str:
-    """Return the sha256 (hexadecimal) of all values in the recording at `path`, with entity, component and times."""
-    reader = RrdReader(path)
-    stores = [*reader.recordings(), *reader.blueprints()]
-    cells = [cell for store in stores for chunk in reader.stream(store=store).to_chunks() for cell in _cells(chunk)]
+    """Return the sha256 (hexadecimal) of all values in the recording at `path`, with entity, component and times.
+
+    Raises InputError for a file that Rerun cannot read to its end.
+    """
+    try:
+        reader = RrdReader(path)
+        stores = [*reader.recordings(), *reader.blueprints()]
+        cells = [cell for store in stores for chunk in reader.stream(store=store).to_chunks() for cell in _cells(chunk)]
+    except Exception as error:  # of Rerun, whose reader names no class for it
+        raise InputError(f"{path} is damaged ({error}): delete it and run `make repro`") from error
     hashed = hashlib.sha256()
     for entity, component, times, value in sorted(cells):
         for part in (entity.encode(), component.encode(), repr(times).encode(), value):
             hashed.update(len(part).to_bytes(8, "little") + part)
     return hashed.hexdigest()
+
+
+def worst_scenes(path: Path) -> list[int]:
+    """Return the numbers of a run's worst scenes, as its recording at `path` names them; of an overview none."""
+    batches = [c.to_record_batch() for c in RrdReader(path).stream().filter(content="/__properties/worst").to_chunks()]
+    return [scene for batch in batches if "scene" in batch.schema.names for scene in batch["scene"][0].as_py()]
 
 
 def _cells(chunk: Chunk) -> list[Cell]:

@@ -1,8 +1,4 @@
-"""Open recordings in Rerun's viewer, and note what was seen.
-
-python -m pipeline.viewer.review full-careful-s10950 --verdict wrong --scene 7 --note "through the glass"
-                                                   no window: add a line to reports/reviewed.csv and commit it
-"""
+"""Open recordings in Rerun's viewer, and note what was seen (docs/review.md)."""
 
 import argparse
 import os
@@ -16,6 +12,7 @@ from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 import pandas as pd
+from filelock import FileLock
 from omegaconf import DictConfig
 from rerun.catalog import CatalogClient, DatasetEntry
 
@@ -25,13 +22,13 @@ from pipeline.git import run as run_in
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import PARAMS
+from pipeline.runtime.reading import read_csv
 from pipeline.viewer.catalog import RUNS, SCENES, catalog, facts_of_runs
 from pipeline.viewer.compared import read_overview, write_comparison
-from pipeline.viewer.digest import digest
+from pipeline.viewer.digest import digest, worst_scenes
 from pipeline.viewer.linked import Place, linked, place, served
 from pipeline.viewer.run import OVERVIEW, REPAIR, SCENE, layout, overview_layout
 
-EXAMPLES = 5  # recordings listed in an error message
 COLUMNS = ["run", "sha256", "accuracy"]  # of recordings.csv
 REVIEWED = Path("reports/reviewed.csv")  # with the digest of the recording that was looked at
 REVIEWED_COLUMNS = ["run", "scene", "verdict", "note", "who", "when", "sha256"]
@@ -47,8 +44,9 @@ def find(kept: Path, runs: Path, run: str) -> Path:
     """Return the recording of `run`, or the overview; InputError if there is none."""
     here = recordings(kept, runs)
     if run not in here:
-        names = ", ".join(list(here)[:EXAMPLES]) or "none"
-        known = f"no recording {run!r} here, but {names}: expected <variant>-<user>-s<seed>"
+        known = (
+            f"no recording {run!r} here, but {', '.join(list(here)[:5]) or 'none'}: expected <variant>-<user>-s<seed>"
+        )
         raise InputError(f"{known}; git keeps few of them, `make repro` writes all")
     return here[run]
 
@@ -67,36 +65,54 @@ def worst(kept: Path, runs: Path) -> tuple[str, str]:
 def check(kept: Path, runs: Path, run: str) -> None:
     """Raise InputError unless Rerun can read the recording and its digest matches recordings.csv."""
     path = find(kept, runs, run)
-    verify = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
-    verified = subprocess.run(verify, capture_output=True, encoding="utf-8", errors="replace")
-    if verified.returncode:
-        raise InputError(f"{path} is damaged: delete it and run `make repro`\n{verified.stderr.strip()}")
     expected = read_table(kept / "recordings.csv", COLUMNS).set_index("run")["sha256"].get(run)
-    contents = digest(path)
-    if expected != contents:
+    if expected != (contents := digest(path)):
         says = f"{path} has digest {contents}, recordings.csv says {expected}"
         raise InputError(f"{says}: delete it and run `make repro`")
 
 
+def reviewed() -> pd.DataFrame:
+    """Return reviewed.csv, or no rows without one; InputError, with nothing lost, for anything but verdicts in it."""
+    if not REVIEWED.is_file():
+        return pd.DataFrame(columns=REVIEWED_COLUMNS).astype({"scene": "Int64"})
+    try:
+        table = read_csv(REVIEWED, REVIEWED_COLUMNS)[REVIEWED_COLUMNS]
+        scenes = pd.to_numeric(table["scene"]).astype("Int64")
+        wrong = table[~table["verdict"].isin(VERDICTS) | table[["run", "sha256"]].isna().any(axis=1)]
+        if len(wrong):
+            raise ValueError(f"a row is {wrong.iloc[0].dropna().tolist()}")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        kept = "after a merge keep the rows of both sides and take out git's marks"
+        raise InputError(f"{REVIEWED} cannot be read ({error}): expected {REVIEWED_COLUMNS}; {kept}") from error
+    return table.assign(scene=scenes)
+
+
 def reviews(kept: Path) -> pd.DataFrame:
     """Return what was noted of recordings as they are now; a note on other contents than today's is left out."""
-    if not REVIEWED.is_file():
-        return pd.DataFrame(columns=REVIEWED_COLUMNS)
-    table = read_table(REVIEWED, REVIEWED_COLUMNS).fillna({"note": ""})
-    digests = read_table(kept / "recordings.csv", COLUMNS)["sha256"]
+    table, digests = reviewed().fillna({"note": ""}), read_table(kept / "recordings.csv", COLUMNS)["sha256"]
     return table[table["sha256"].isin(digests)]
 
 
 def note(kept: Path, runs: Path, run: str, verdict: str, scene: int | None, text: str) -> None:
-    """Add a verdict on a run, or one of its scenes, to reviewed.csv and commit that file with git's user name."""
-    contents = digest(find(kept, runs, run))
-    who, here = git(Path(), "config", "user.name").strip(), REVIEWED.is_file()
+    """Add a verdict on a run, or one of its worst scenes, to reviewed.csv and commit that file with git's user name.
+
+    One reviewer's command waits for another's. Raises InputError, with the file as it was, if git does not commit it.
+    """
+    contents = digest(path := find(kept, runs, run))
+    if scene is not None and scene not in (scenes := worst_scenes(path)):
+        raise InputError(f"scene {scene} is none of the worst of {run}: expected one of {scenes}, or no scene")
+    who = git(Path(), "var", "GIT_AUTHOR_IDENT").partition(" <")[0]
     row = [run, scene, verdict, text, who, f"{datetime.now(UTC):%Y-%m-%d}", contents]
-    new = pd.DataFrame([row], columns=REVIEWED_COLUMNS).astype({"scene": "Int64"})
-    old = [read_table(REVIEWED, REVIEWED_COLUMNS).astype({"scene": "Int64"})] if here else []
-    write_table(REVIEWED, pd.concat([*old, new]))
-    git(Path(), "add", str(REVIEWED))
-    git(Path(), "commit", "--quiet", "--message", f"Review of {run}: {verdict}", "--", str(REVIEWED))
+    with FileLock(git(Path(), "rev-parse", "--git-path", "reviewed.lock").strip()):
+        old, before = reviewed(), REVIEWED.read_bytes() if REVIEWED.is_file() else None
+        write_table(REVIEWED, pd.concat([old, pd.DataFrame([row], columns=REVIEWED_COLUMNS)]))
+        try:
+            git(Path(), "add", str(REVIEWED))
+            git(Path(), "commit", "--quiet", "--message", f"Review of {run}: {verdict}", "--", str(REVIEWED))
+        except InputError:
+            REVIEWED.unlink() if before is None else REVIEWED.write_bytes(before)
+            run_in(["git", "reset", "--quiet", "--", str(REVIEWED)], Path(), capture_output=True)
+            raise
 
 
 def show_all(cfg: DictConfig, kept: Path, runs: Path, web: bool) -> int:
@@ -110,7 +126,10 @@ def show_all(cfg: DictConfig, kept: Path, runs: Path, web: bool) -> int:
     }
     with catalog(files, layouts, reviews(kept), commit) as client:
         listed = read_table(kept / "recordings.csv", COLUMNS)
-        print(f"{len(files)} of {len(listed)} recordings; `make repro` writes all", flush=True)
+        unread = files.keys() - {*client.get_dataset(RUNS).segment_ids(), OVERVIEW}
+        print(f"{len(files) - len(unread)} of {len(listed)} recordings; `make repro` writes all", flush=True)
+        if unread:
+            print(f"delete these, which cannot be read or hold another run: {', '.join(sorted(unread))}", flush=True)
         entries = client.get_dataset(RUNS), client.get_table(SCENES)
         addresses = [f"{client.url}/entry/{entry.id}" for entry in entries]
         if not web:
@@ -145,9 +164,8 @@ def show_between(kept: Path, commits: tuple[str, str], web: bool) -> int:
             name = f"{commit}:{(kept / OVERVIEW).as_posix()}.rrd"
             said = subprocess.run(["git", "show", name], env=environment(), capture_output=True)
             if said.returncode:
-                raise InputError(
-                    f"git has no {name}: expected two commits with an overview ({said.stderr.decode().strip()})"
-                )
+                reason = said.stderr.decode().strip()
+                raise InputError(f"git has no {name}: expected two commits with an overview ({reason})")
             (Path(folder) / f"{i}.rrd").write_bytes(said.stdout)
             maps.append(read_overview(Path(folder) / f"{i}.rrd"))
         worse = write_comparison(Path(folder) / "compared.rrd", *maps)
@@ -168,10 +186,7 @@ def show(shown: list[str], web: bool = False, page: int = 0) -> int:
     """
     screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not (web or screen):
-        names = " ".join(Path(name).name for name in shown)
-        here = f"add --web to look at {names} in a browser, --check to verify a recording"
-        there = "copy the recording to a machine with a display and run `rerun` there"
-        raise InputError(f"no display to open a window on: {here}, or {there}")
+        raise InputError("no display to open a window on: expected WEB=1 (or --web) for a browser, or a display")
     command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *shown]
     if web:
         page, port = page or free_port(), free_port()
@@ -186,15 +201,15 @@ def show(shown: list[str], web: bool = False, page: int = 0) -> int:
 
 
 def _main() -> int:
-    about, _, examples = (__doc__ or "").partition("\n\n")
-    parser = argparse.ArgumentParser("python -m pipeline.viewer.review", None, about, examples)
-    parser.formatter_class = argparse.RawTextHelpFormatter
+    parser = argparse.ArgumentParser("python -m pipeline.viewer.review", description=__doc__)
     which = parser.add_mutually_exclusive_group()
     which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
     which.add_argument("--worst", action="store_true", help="the run with the lowest accuracy")
     which.add_argument("--all", action="store_true", help="tables of all runs and of their worst scenes")
     which.add_argument("--between", nargs=2, metavar=("A", "B"), help="overviews of two commits")
-    parser.add_argument("--verdict", choices=VERDICTS, help="note it of the run in reports/reviewed.csv; no window")
+    parser.add_argument(
+        "--verdict", choices=VERDICTS, help="add it to reports/reviewed.csv and commit that file; no window"
+    )
     parser.add_argument("--scene", type=int, help="of the verdict: one scene of the run, not all of it")
     parser.add_argument("--note", default="", help="of the verdict: why")
     parser.add_argument("--web", action="store_true", help="serve Rerun's web viewer to this machine")

@@ -84,7 +84,7 @@ def write_run(path: Path, run: Run) -> None:
         views.log_titles(recording, "fixed", TITLES)
         views.log_table_edges(recording, "fixed", MAPS.values())
         for name, place in MAPS.items():
-            views.log_static(recording, name, views.panel(place, len(run.shown[0].truth)))
+            recording.log(name, views.panel(place, len(run.shown[0].truth)), static=True)
         first = run.shown[0]
         views.log_table(recording, "first", first.image, first.layout, run.margins, static=True)
         for rank in range(len(run.repairs)):
@@ -113,7 +113,7 @@ def text(name: str, *shown: Any) -> str:
     return getattr(_TEMPLATES.get_template("texts.md.j2").module, name)(*shown)
 
 
-def layout(training_scenes: int, name: str = "run") -> rrb.Blueprint:
+def layout(training_scenes: int) -> rrb.Blueprint:
     """Return the tabs of every run: its worst scenes, and one for each other topic."""
     scenes = views.board(
         (1, 3), "/table/**", *(f"/predicted/{x}" for x in ("map", "lines", "z_theta")), "/outcomes/map", *FIXED
@@ -130,7 +130,7 @@ def layout(training_scenes: int, name: str = "run") -> rrb.Blueprint:
     tabs.append(views.beside_text("Learning", rrb.Vertical(maps, losses, row_shares=[4, 3]), "learning"))
     if training_scenes:
         tabs.append(views.beside_text("Training scenes", views.board((1, training_scenes), "/training/**"), "training"))
-    return views.tabbed(name, tabs, rrb.TimePanel(state="collapsed", timeline=REPAIR, fps=6.0, loop_mode="all"))
+    return views.tabbed("run", tabs, rrb.TimePanel(state="collapsed", timeline=REPAIR, fps=6.0, loop_mode="all"))
 
 
 def _log_repairs(recording: rr.RecordingStream, run: Run, rank: int) -> None:
@@ -183,7 +183,7 @@ def _log_series(
     recording: rr.RecordingStream, entity: str, timeline: str, steps: Array, series: Mapping[str, Array], **style: Any
 ) -> None:
     """Log the values of each named series at all `steps` of a time line at once."""
-    views.log_static(recording, entity, rr.SeriesLines(names=list(series), **style))
+    recording.log(entity, rr.SeriesLines(names=list(series), **style), static=True)
     values = np.stack(list(series.values()), axis=-1).astype(np.float64)
     columns = rr.Scalars.columns(scalars=values.ravel()).partition([len(series)] * len(values))
     recording.send_columns(entity, [rr.TimeColumn(timeline, sequence=steps)], columns)
@@ -204,7 +204,7 @@ def _log_marks(recording: rr.RecordingStream, entity: str, centres: Array, valid
 def _log_interventions(recording: rr.RecordingStream, run: Run) -> None:
     """Log the effect of each added item on table, maps and E[V] in the first new scene: a step each."""
     before, entity = run.shown[0], "interventions"
-    views.log_static(recording, f"{entity}/table", views.panel((1, 0), TABLE_PIXELS))
+    recording.log(f"{entity}/table", views.panel((1, 0), TABLE_PIXELS), static=True)
     views.log_titles(recording, entity, EFFECTS)
     views.log_table_edges(recording, entity, EFFECT_MAPS.values())
     for step, done in enumerate(run.interventions):
@@ -252,26 +252,20 @@ def _log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:
     views.log_titles(recording, "training", titles)
     for column, shown in enumerate(run.demonstrations):
         entity = f"training/{column}"
-        views.log_static(recording, entity, views.panel((0, column), TABLE_PIXELS))
+        recording.log(entity, views.panel((0, column), TABLE_PIXELS), static=True)
         views.log_table(recording, entity, shown.image, shown.layout, run.margins)
         fitted = on_table(curve(shown.z, POINTS))
         recorded = [on_table(samples[::EVERY, 1:3]) for samples in shown.samples]
         colours = [*(views.VALID if valid else views.INVALID for valid in shown.valid), *len(recorded) * [RECORDED]]
         radii = [*np.where(shown.valid, 0.5, 0.25).tolist(), *len(recorded) * [0.08]]
         lines = rr.LineStrips2D([*fitted, *recorded], colors=colours, radii=radii)
-        views.log_static(recording, f"{entity}/paths", lines)
+        recording.log(f"{entity}/paths", lines, static=True)
         _log_marks(recording, entity, fitted[:, POINTS // 2], shown.valid, static=True)
-
-
-def _places(variants: int) -> list[views.Panel]:
-    """Return the overview's panels of the table, the truth and each variant."""
-    return [divmod(i, COLUMNS) for i in range(2 + variants)]
 
 
 def overview_layout(users: Sequence[str], variants: int) -> rrb.Blueprint:
     """Return the tabs of an overview of that many variants: one for each user."""
-    places = _places(variants)
-    shape = places[-1][0] + 1, min(len(places), COLUMNS)
+    shape = (1 + variants) // COLUMNS + 1, min(2 + variants, COLUMNS)  # panels: table, truth, each variant
     boards = {user: views.board(shape, f"/{user}/**", FIXED[1]) for user in users}
     tabs = [views.beside_text(f"{user} user", shown, "overview") for user, shown in boards.items()]
     time = rrb.TimePanel(state="collapsed", timeline=SCENE, play_state="paused", fps=0.5)
@@ -281,7 +275,7 @@ def overview_layout(users: Sequence[str], variants: int) -> rrb.Blueprint:
 def write_overview(path: Path, runs: Sequence[Run]) -> None:
     """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint: a tab per user."""
     users = grouped(runs, "user")
-    places = _places(max(map(len, users.values())))
+    places = [divmod(i, COLUMNS) for i in range(2 + max(map(len, users.values())))]
     with views.recording_at(path, OVERVIEW, overview_layout(list(users), len(places) - 2)) as recording:
         views.log_texts(recording, text("about_overview", runs), {"overview": text("overview", runs)})
         views.log_table_edges(recording, "fixed", places[1:])

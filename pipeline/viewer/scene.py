@@ -146,22 +146,17 @@ def recording_at(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr
     recording.set_log_tick_enabled(False)
     recording.save(path, default_blueprint=blueprint)
     recording.send_recording_name(name)
-    log_static(recording, "/", classes())
+    recording.log("/", classes(), static=True)
     yield recording
     recording.flush()
     recording.disconnect()
 
 
-def log_static(recording: rr.RecordingStream, entity: str, value: rr.AsComponents) -> None:
-    """Log for all times."""
-    recording.log(entity, value, static=True)
-
-
 def log_texts(recording: rr.RecordingStream, about: str, texts: Mapping[str, str]) -> None:
     """Log the sources of the recording, and the text of each tab."""
-    log_static(recording, "about", markdown(about))
+    recording.log("about", markdown(about), static=True)
     for name, text in texts.items():
-        log_static(recording, f"text/{name}", markdown(text))
+        recording.log(f"text/{name}", markdown(text), static=True)
 
 
 def markdown(text: str) -> rr.TextDocument:
@@ -185,7 +180,7 @@ def log_table_edges(recording: rr.RecordingStream, entity: str, maps: Iterable[P
     """Log the table's edge in panels with maps."""
     edge = on_map(np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], dtype=float), TABLE_PIXELS)
     edges = np.stack([edge + corner(*place) for place in maps])
-    log_static(recording, f"{entity}/table_edges", rr.LineStrips2D(edges, colors=TABLE_EDGE, radii=0.3))
+    recording.log(f"{entity}/table_edges", rr.LineStrips2D(edges, colors=TABLE_EDGE, radii=0.3), static=True)
 
 
 def log_table(

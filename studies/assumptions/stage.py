@@ -170,12 +170,9 @@ def _answer(cfg: DictConfig, asked: Versions, job: tuple[str, str]) -> Predicted
 
 
 def miss(rng: np.random.Generator, objects: Objects, share: float) -> Objects:
-    """Return the objects without a random share of them."""
+    """Return the objects, in the first slots, without a random share of them."""
     present = objects.present & (rng.uniform(size=objects.present.shape) >= share)
-    order = (
-        np.arange(len(objects))[:, None],
-        np.argsort(~present, axis=1, kind="stable"),
-    )  # objects fill the first slots
+    order = np.arange(len(objects))[:, None], np.argsort(~present, axis=1, kind="stable")
     kept = {f.name: getattr(objects, f.name)[order] for f in fields(objects) if f.name != "doubt"}
     return replace(objects, **kept | {"present": present[order]})
 
@@ -362,11 +359,8 @@ def ledger(doses: pd.DataFrame, user: str) -> pd.DataFrame:
             right = asked.pivot(index=["user", "symbol"], columns="dose", values="right")[tried].astype(float)
             flipped = right.lt(right.iloc[:, 0], axis=0).any()
             facts = {"attempt": attempt, "variant": variant, "claim": claim, "asked": len(right)}
-            facts |= {
-                "weakest": tried[0],
-                "strongest": tried[-1],
-                "flips_at": flipped.idxmax() if flipped.any() else None,
-            }
+            facts |= {"weakest": tried[0], "strongest": tried[-1]}
+            facts["flips_at"] = flipped.idxmax() if flipped.any() else None
             counts = {"right_weakest": right.iloc[:, 0].sum(), "right_strongest": right.iloc[:, -1].sum()}
             rows.append(facts | counts)
     return pd.DataFrame(rows)

@@ -17,6 +17,7 @@ from tests.viewer.example import a_run
 
 PAGE = """<td class="number" title="t, c: source full, user careful; seeds 0–9">1</td><code>make review WORST=1</code>
 <data value="2" title="t, c: variant ae, user careful" data-source="">2</data>"""
+LAYOUT = {RUNS: layout(2)}
 NONE = Path("no such folder")  # of recordings by the stage
 
 
@@ -72,9 +73,16 @@ def test_the_catalog_has_every_run_with_its_facts_and_links_to_its_worst_scenes(
     note(kept, NONE, "full-careful-s3", "wrong", 1, 'through the "glass", twice')
     assert git(tmp_path, "log", "--format=%s %an").splitlines()[0] == "Review of full-careful-s3: wrong Zoë"
     assert git(tmp_path, "status", "--porcelain") == ""
-    files = recordings(kept, NONE)
+    (tmp_path / "ae-normal-s0.rrd").write_text("no recording")
+    broken = {"ae-normal-s0": tmp_path / "ae-normal-s0.rrd"}
+    with (
+        pytest.raises(InputError, match="no recording of a run can be read"),
+        catalog(broken, LAYOUT, reviews(kept), ""),
+    ):
+        pass
+    files = recordings(kept, NONE) | broken
     before = files["full-careful-s3"].read_bytes()
-    with catalog(files, {RUNS: layout(2)}, reviews(kept), "abc") as client:
+    with catalog(files, LAYOUT, reviews(kept), "abc") as client:
         (run,) = client.get_dataset(RUNS).segment_table().to_pandas().to_dict("records")
         scenes = client.get_table(SCENES).reader().to_pandas().set_index("scene")
         page = linked_to(client, 80, PAGE)
@@ -89,16 +97,35 @@ def test_the_catalog_has_every_run_with_its_facts_and_links_to_its_worst_scenes(
     assert reviews(kept).empty
 
 
+def test_a_note_that_cannot_be_kept_leaves_the_file_as_it_was(
+    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for arguments in (("init", "--quiet"), ("config", "user.name", "Zoë"), ("config", "user.email", "zoe@localhost")):
+        git(tmp_path, *arguments)
+    with pytest.raises(InputError, match=r"scene 9 is none of the worst of full-careful-s3: .* \[0, 1, 2\]"):
+        note(kept, NONE, "full-careful-s3", "wrong", 9, "")
+    note(kept, NONE, "full-careful-s3", "wrong", 1, "")
+    (hook := tmp_path / ".git/hooks/pre-commit").write_text("#!/bin/sh\nexit 1\n")
+    hook.chmod(0o755)
+    row = REVIEWED.read_text().splitlines()[1]
+    cases = {"": "commit", "<<<<<<< HEAD\n": "marks", f"{row},more\n": "marks", row.replace("wrong", "bad"): "bad"}
+    for added, message in cases.items():
+        REVIEWED.write_text(before := REVIEWED.read_text().splitlines()[0] + f"\n{row}\n{added}")
+        with pytest.raises(InputError, match=message):
+            note(kept, NONE, "full-careful-s3", "right", None, "")
+        assert REVIEWED.read_text() == before
+        REVIEWED.write_text(before.removesuffix(added))
+    assert git(tmp_path, "status", "--porcelain") == ""
+
+
 def test_a_number_is_seen_in_the_least_accurate_run_at_its_scene_or_its_added_item() -> None:
     run = {"variant": "full", "user": "careful", "seed": 0, "run": "a", "accuracy": 0.5, "scenes": [7], "steps": [30]}
     runs = [run, run | {"run": "b", "seed": 1, "accuracy": 0.4, "scenes": [9], "steps": [31]}]
     full = {"variant": "full", "user": "careful"}
-    assert place(runs, full) == ("b", "repair_step", 31) and place(runs, full | {"seed": "0"}) == (
-        "a",
-        "repair_step",
-        30,
-    )
-    assert place(runs, full | {"scene": "7"}) == ("a", "repair_step", 30)
+    assert place(runs, full) == ("b", "repair_step", 31)
+    for named in ({"seed": "0"}, {"scene": "7"}):
+        assert place(runs, full | named) == ("a", "repair_step", 30)
     assert place(runs, full | {"symbol": "glass"}) == ("b", "intervention", 3)
     assert place(runs, {"variant": "truth"}) is None and place(runs, {"split": "new_items"}) is None
 
