@@ -20,7 +20,7 @@ SCENE ?=
 NOTE ?=
 KILLS ?=
 
-.PHONY: help venv venv-cluster repro studies demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review reviewed audit site figures tables readme docs dist lint lock sbom params segmenter data render clean
+.PHONY: help venv venv-cluster repro studies demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review reviewed audit tables readme docs dist lint lock sbom params segmenter data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -119,12 +119,6 @@ reviewed: $(READY)  ## note what you saw and commit it: RUN=<run> VERDICT=right|
 audit: $(READY)  ## do code, locks, pages and tables of the last commit agree? docs/audit.md compares two commits
 	python -m pipeline.audit
 
-site: $(READY)  ## all pages in one file to mail: site.html
-	python -m pipeline.report.exports site
-
-figures: $(READY)  ## every figure of the pages as a PDF, in pdf/
-	python -m pipeline.report.exports figures
-
 tables: $(READY)  ## the paper's Table 2 with its bold cells, in LaTeX and Markdown, in tables/
 	python -m pipeline.report.exports tables
 
@@ -174,4 +168,4 @@ render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of 
 	dvc add rendered/pictures && dvc push --remote store rendered/pictures.dvc
 
 clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
-	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom .venv-wheel api dist sbom.json .benchmarks multirun demo pdf tables site.html .dvc/cache .dvc/tmp
+	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom .venv-wheel api dist sbom.json .benchmarks multirun demo tables .dvc/cache .dvc/tmp

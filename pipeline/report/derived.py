@@ -129,31 +129,6 @@ def unsafe(results: Results) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def overlap(results: Results) -> pd.DataFrame:
-    """Return which unseen-item paths are valid to both, to one or to neither of two users: by the truth, by variants.
-
-    Shares of paths; overlap_found: the intersection over union of the paths valid to both with the true ones, with
-    its quartiles over seeds (NaN for the truth and an image-blind baseline).
-    """
-    keys, rows, judged = ["variant", "seed", "scene", "query"], [], results.table("judged")
-    users = results.judged_users[0], results.judged_users[-1]
-    part = judged[judged["split"] == "new_items"]
-    both = [part[part["user"] == user].set_index(keys)[["p", "valid"]] for user in users]
-    joined = both[0].add_suffix("_a").join(both[1].add_suffix("_b"))
-    variants = joined.index.unique("variant").tolist()
-    for name in ("truth", *variants):
-        mine = joined.xs(variants[0] if name == "truth" else name)
-        true_a, true_b = mine["valid_a"].astype(bool), mine["valid_b"].astype(bool)
-        a, b = (true_a, true_b) if name == "truth" else (mine["p_a"] > 0.5, mine["p_b"] > 0.5)
-        hits, union = a & b & true_a & true_b, (a & b) | (true_a & true_b)
-        row = {"source": name, "both": (a & b).mean(), "first": (a & ~b).mean(), "second": (~a & b).mean()}
-        row |= {"neither": (~a & ~b).mean(), "overlap_found": hits.sum() / max(union.sum(), 1)}
-        by_seed = hits.groupby("seed").sum() / union.groupby("seed").sum().clip(lower=1)
-        q1, q3 = by_seed.quantile([0.25, 0.75]) if name not in ("truth", "position_only") else (np.nan, np.nan)
-        rows.append(row | {"overlap_found_q1": q1, "overlap_found_q3": q3})
-    return pd.DataFrame(rows)
-
-
 def paper_curve(results: Results) -> pd.DataFrame:
     """Return accuracy by demonstrations: each reading on held-out paths beside the paper's, the first on new tables."""
     table, first = results.table("curve").query("users == 'paper'"), results.readings[0]

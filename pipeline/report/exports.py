@@ -1,13 +1,7 @@
-"""The pages' contents in other forms: `python -m pipeline.report.exports readme`, `tables`, `figures` or `site`."""
+"""Tables of the pages for the README and for papers: `python -m pipeline.report.exports readme` or `tables`."""
 
 import argparse
-import base64
-import mimetypes
-import os
 import re
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
@@ -20,11 +14,11 @@ from pipeline.report.derived import TABLE_2
 from pipeline.report.results import PAPER_ACCURACY, RANDOM_ROUTES
 from pipeline.report.style import COLOURS, label
 from pipeline.report.tables import FORMATS, HIDDEN, in_brackets, rows_of
-from pipeline.runtime.errors import InputError, reported
+from pipeline.runtime.errors import reported
 from pipeline.runtime.places import ROOT
 from pipeline.runtime.writing import atomic_write
 
-REPORTS, STUDIES = Path("reports"), Path("studies")
+REPORTS = Path("reports")
 README = ROOT / "README.md"
 HEAD = ["Model", "Accuracy, unseen items", "Repairs, careful", "Repairs, normal", "Causal verdicts right"]
 NOTES = (
@@ -32,9 +26,6 @@ NOTES = (
     "truth over scenes. Bold: a significant change against no intervention (Holm over the block's own changes, "
     "p < 0.05). †: the 95 % interval of the change also lies beyond ±0.05."
 )
-CHROMIUM = ["--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
-SHEET = """<style>@page {{ size: {0}pt {1}pt; margin: 0 }} body {{ margin: 0 }}</style>
-<img src="{2}" style="display: block; height: 99.9vh">"""
 
 
 def contents(repository: Path) -> dict[str, str]:
@@ -61,7 +52,7 @@ def headlines(metrics: dict, verdicts: pd.DataFrame) -> str:
     order = [*COLOURS, *metrics["verdicts_right"]]  # the paper's model first, added variants last
     for name in [*sorted(metrics["verdicts_right"], key=order.index), "position_only", "constant_detour"]:
         repairs = [metrics["repair"].get(name, {}).get(user) for user in ("careful", "normal")]
-        shares = [_share(value) for value in (metrics["accuracy"].get(name, {}).get("new_items"), *repairs)]
+        shares = [FORMATS["pct"](value) for value in (metrics["accuracy"].get(name, {}).get("new_items"), *repairs)]
         right = metrics["verdicts_right"].get(name)
         rows.append([label(name), *shares, "–" if right is None else f"{right} of {questions}"])
     return _markdown(HEAD, rows)
@@ -84,13 +75,8 @@ def curve(table: pd.DataFrame) -> str:
     return _markdown(["Demonstrations a table", *map(str, ends)], rows)
 
 
-def _share(value: float | None) -> str:
-    """Return a share in per cent, with a decimal where it would else read as all."""
-    return FORMATS["pct1" if value is not None and 0.995 <= value < 1 else "pct"](value)
-
-
 def _spread(mean: float, low: float, high: float) -> str:
-    return f"{_share(mean)} [{FORMATS['spread'](low, high)}]"
+    return f"{FORMATS['pct'](mean)} [{FORMATS['spread'](low, high)}]"
 
 
 def _markdown(head: list[str], rows: list[list[str]], texts: int = 1) -> str:
@@ -138,79 +124,14 @@ def as_latex(table: pd.DataFrame) -> str:
     return re.sub(r"(?<!\n)%", r"\\%", body)
 
 
-def write_pdf(figure: Path, out: Path) -> None:
-    """Write one SVG figure as a PDF page of its size by headless Chromium; raise InputError if that is missing."""
-    browser = shutil.which("chromium")
-    if browser is None:
-        raise InputError("chromium is missing: apt-get install chromium")
-    [size] = re.findall(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', figure.read_text(encoding="utf-8"))
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        page = Path(folder) / "page.html"
-        page.write_text(SHEET.format(*size, figure.resolve().as_uri()), encoding="utf-8")
-        subprocess.run([browser, *CHROMIUM, f"--print-to-pdf={out}", page.as_uri()], check=True, capture_output=True)
-
-
-def join(reports: Path, studies: Path) -> str:
-    """Return the pages of both folders as one page to mail: figures, tables and styles inside, no link out of it.
-
-    Raise InputError if there is no page, or if a page names a file that does not exist.
-    """
-    files = [*sorted(reports.glob("*.html"), key=lambda path: path.stem != "index"), *sorted(studies.glob("*/*.html"))]
-    if not files or files[0].stem != "index":
-        raise InputError(f"{reports / 'index.html'} is missing: run `make repro` first")
-    ids = {file: file.stem if file.parent == reports else f"study-{file.parent.name}" for file in files}
-    head, body = re.split(r"<body>", files[0].read_text(encoding="utf-8"))
-    style = f"<style>\n{(reports / 'page.css').read_text(encoding='utf-8')}</style>"
-    nav = "".join(re.findall(r'<nav class="pages".*?</nav>', body, re.DOTALL)).replace(' aria-current="page"', "")
-    skip = '<a class="skip" href="#main">Skip to the content</a>'
-    head = re.sub(r'<link rel="stylesheet"[^>]*>', lambda _: style, head)
-    main = f'<main id="main" tabindex="-1">\n{"".join(_article(file, ids) for file in files)}</main>'
-    return f"{head}<body>\n{skip}\n{_linked(nav, files[0], ids)}\n{main}\n</body>\n</html>\n"
-
-
-def _article(file: Path, ids: Mapping[Path, str]) -> str:
-    """Return a page as an article of the joined one: without its navigation, with ids of its own."""
-    own, body = ids[file], re.split(r"</?body>", file.read_text(encoding="utf-8"))[1]
-    body = re.sub(r'<a class="skip".*?</a>|<nav class="pages".*?</nav>', "", body, flags=re.DOTALL)
-    body = body.replace('<main id="main" tabindex="-1"', "<div").replace("</main>", "</div>")
-    body = body.replace(' loading="lazy"', "").replace('"On this page"', f'"On the page {own}"')
-    body = re.sub(r'\b(id|aria-labelledby|aria-describedby)="([^"]+)"', rf'\1="{own}-\2"', body)
-    return f'<article id="{own}">\n{_linked(body, file, ids)}</article>\n'
-
-
-def _linked(text: str, file: Path, ids: Mapping[Path, str]) -> str:
-    """Return a page's text with its links turned into links within the joined page, or into the files' contents."""
-
-    def inside(link: re.Match) -> str:
-        attribute, target, anchor = link[1], link[2], (link[3] or "").replace("#", "-")
-        path = Path(os.path.normpath(file.parent / target)) if target else file
-        if target.startswith("data:"):
-            return link[0]
-        if path in ids:
-            return f'{attribute}="#{ids[path]}{anchor}"'
-        if not path.is_file():
-            raise InputError(f"{file} names {target}, which is missing: run its stage again")
-        kind = mimetypes.guess_type(path.name)[0] or "text/plain"
-        download = f' download="{path.name}"' if attribute == "href" else ""
-        return f'{attribute}="data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"{download}'
-
-    return re.sub(r'\b(href|src|data)="([^"#]*)(#[^"]*)?"', lambda m: inside(m) if m[2] or m[3] else m[0], text)
-
-
 def main(form: str) -> None:
-    """Write README.md, tables/bold.tex and .md, pdf/ or site.html from reports/ and studies/."""
+    """Write README.md, or tables/bold.tex and .md, from reports/."""
     texts = {}
     if form == "readme":
         texts[README] = fill(README.read_text(encoding="utf-8"), contents(ROOT))
     if form == "tables":
         bold = read_table(REPORTS / "tables" / "bold.csv")
         texts = {Path("tables/bold.tex"): as_latex(bold), Path("tables/bold.md"): f"{as_markdown(bold)}\n\n{NOTES}\n"}
-    if form == "figures":
-        for figure in sorted([*REPORTS.glob("figures/*.svg"), *STUDIES.glob("*/figures/*.svg")]):
-            write_pdf(figure, "pdf" / figure.parent.parent / f"{figure.stem}.pdf")
-    if form == "site":
-        texts[Path("site.html")] = join(REPORTS, STUDIES)
     for path, text in texts.items():
         atomic_write(path, lambda part, text=text: part.write_text(text, encoding="utf-8"))
         print(path)
@@ -218,6 +139,6 @@ def main(form: str) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m pipeline.report.exports", description=__doc__)
-    parser.add_argument("form", choices=["readme", "tables", "figures", "site"])
+    parser.add_argument("form", choices=["readme", "tables"])
     with reported():
         main(parser.parse_args().form)

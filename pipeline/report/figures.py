@@ -2,7 +2,7 @@
 
 import base64
 from collections.abc import Mapping
-from itertools import combinations, product
+from itertools import combinations
 from typing import Any
 
 import cv2
@@ -29,9 +29,7 @@ LEAST_DIFFERENCE = 0.05  # smallest share of a map's cells in which two users di
 KINDS = ListedColormap(["#3b4252", "#d55e00", "#56b4e9", "#f0e442"])  # valid to neither, first only, second only, both
 SHARE = 0.3  # least share of the fitted models that are wrong about a drawn path
 WRONG = {False: "#d55e00", True: "#f0e442"}  # by whether the path is valid: accepted though invalid, or refused
-SPLITS = {"train": style.TRAIN, "unseen": style.UNSEEN}
 SAMPLES = 12  # paths sampled from a map
-TILE_PX = 56  # side of an item's image in the catalogue figure
 
 
 def overview(results: Results) -> Figure:
@@ -173,30 +171,6 @@ def one_scene(results: Results) -> Figure:
     return figure
 
 
-def patterned(results: Results) -> Figure:
-    """Draw a scene as it is and on the patterned top, with the truth and the model's maps, a row per user.
-
-    The scene is the one in which the model has least of the map right on that top, over users.
-    """
-    drawn, variant = results.drawn, failing(results)
-    right = [((drawn.patterned_maps[variant][u] > 0.5) == drawn.truth[u]).mean((1, 2)) for u in results.judged_users]
-    place = int(np.mean(right, axis=0).argmin())
-    scene, users, top = drawn.mapped[place], results.judged_users, results.facts["patterned_top"]
-    titles = ["Its own table top", "Truth", style.label(variant), f"The same on {top}", style.label(variant)]
-    names = [f"{user} user" for user in users]
-    figure, axes = panels(len(users), 5, 13.0, 2.75 * len(users) + 0.2, titles, names)
-    for line, user in zip(axes, users, strict=True):
-        truth = drawn.truth[user][place]
-        draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[user])
-        draw_map(line[1], truth)
-        draw_table(line[3], drawn.patterned[place], drawn.layouts, scene, results.users[user])
-        for panel, maps in ((line[2], drawn.maps), (line[4], drawn.patterned_maps)):
-            p = maps[variant][user][place]
-            draw_map(panel, p)
-            panel.set_xlabel(f"{100 * np.mean((p > 0.5) == truth):.0f} % of the map right", color=style.INK)
-    return figure
-
-
 def worst(results: Results) -> Figure:
     """Draw the scenes with most errors: each wrongly judged path of the user with more errors there."""
     scenes, drawn = worst_scenes(results), results.drawn
@@ -251,28 +225,6 @@ def samples(results: Results) -> Figure:
         draw_table(below, drawn.images[scene], drawn.layouts, scene, results.users[user])
         for point, right in zip(z, valid(drawn.layouts[[scene]], z[None], results.users[user])[0], strict=True):
             draw_path(below, point, style.VALID if right else style.INVALID, width=1.6)
-    return figure
-
-
-def items(results: Results) -> Figure:
-    """Draw the catalogue: one row per symbol, training items framed green, unseen ones red."""
-    table = results.catalogue.items
-    is_of = {key: (table["symbol"] == key[0]) & (table["split"] == key[1]) for key in product(SYMBOLS, SPLITS)}
-    by_symbol = [[(s, i) for s in SPLITS for i in np.flatnonzero(is_of[symbol, s])] for symbol in SYMBOLS]
-    columns = max(map(len, by_symbol))
-    figure, axes = panels(len(SYMBOLS), columns, 0.78 * columns + 0.9, 0.85 * len(SYMBOLS))
-    for line, symbol, row in zip(axes, SYMBOLS, by_symbol, strict=True):
-        line[0].set_ylabel(symbol, rotation=0, ha="right", va="center")
-        for panel in line:
-            panel.set(xticks=[], yticks=[])
-            panel.spines[:].set_visible(False)
-        for panel, (split, item) in zip(line, row, strict=False):
-            cutout = results.catalogue.cutouts[item]  # (side, side, 4)
-            small = cv2.resize(cutout, (TILE_PX, TILE_PX), interpolation=cv2.INTER_AREA).astype(float)
-            alpha = small[..., 3:] / 255
-            tile = (small[..., :3] * alpha + 225 * (1 - alpha)).round().astype(np.uint8)  # on light grey
-            panel.imshow(tile, interpolation="none")
-            panel.spines[:].set(visible=True, color=SPLITS[split], linewidth=2.2)
     return figure
 
 

@@ -102,7 +102,7 @@ class Page:
         return f"Table {self.table_count}."
 
     def _figure(self, name: str, draw: Callable, caller: Callable, alt: str, wide=False, recording="", **options):
-        """Return a figure's markup; `recording`: `overview` or `worst`, the recording in git that shows the same."""
+        """Return a figure's markup; `recording`: `overview` or `worst`, a recording of such tables."""
         with matplotlib.rc_context(style.RC):
             drawn = draw(**options)
         self.figure_count += 1

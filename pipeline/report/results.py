@@ -11,7 +11,6 @@ import pandas as pd
 from pipeline.causal.interventions import asked, bold_or_plain, right_verdicts
 from pipeline.report.study import Data
 from pipeline.report.tables import named
-from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import PAPER_P_VALID
 
@@ -70,7 +69,6 @@ class Results(Data):
     shown: list[str]  # variants whose maps and repairs are drawn
     paths: Mapping[str, np.ndarray]
     drawn: DrawnScenes
-    catalogue: Catalogue
 
     def __post_init__(self):
         """Make names that csv reads as missing, such as the variant of a baseline, empty ones."""

@@ -16,7 +16,6 @@ SCRIPT, CHART, THEME = (
     Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("chart.js", "chart.css", "theme.css")
 )
 INK, MUTED, RULE = "#1b1f24", "#5d6670", "#d4d8dd"
-TRAIN, UNSEEN = "#009e73", "#d55e00"  # green and red as in the paper, in hues of Okabe and Ito
 COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share blue
     "full": "#0072b2",
     "ae": "#56b4e9",

@@ -73,15 +73,18 @@ def checked(number: Any, name: str) -> Any:
     return number.item() if isinstance(number, np.generic) else number
 
 
-def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
-    """Return a format that raises for a number that is not finite; None marks a value that cannot exist."""
+def _number(pattern: str, scale: float = 1.0, nearly: str = "") -> Callable[[Any], str]:
+    """Return a format that raises for a number that is not finite; None marks a value that cannot exist.
+
+    nearly: the pattern of a share that would else read as all.
+    """
 
     def write(number: Any) -> str:
         if number is None:
             return "–"
         if not math.isfinite(number):
             raise ValueError(f"{number} in a page: expected a finite number; run the stage that writes it again")
-        text = pattern.format(scale * number).replace("-", "−")
+        text = (nearly or pattern if 0.995 <= number < 1 else pattern).format(scale * number).replace("-", "−")
         text = text.lstrip("+−") if float(pattern.format(scale * number).split("\u00a0")[0]) == 0 else text
         return number.mark(text) if isinstance(number, Traced) else text
 
@@ -89,7 +92,7 @@ def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
 
 
 FORMATS: dict[str, Callable] = {
-    "pct": _number("{:.0f}\u00a0%", 100.0),  # prose: whole per cents
+    "pct": _number("{:.0f}\u00a0%", 100.0, "{:.1f}\u00a0%"),  # prose: whole per cents
     "pct1": _number("{:.1f}\u00a0%", 100.0),  # tables
     "points": _number("{:+.0f}", 100.0),
     "points1": _number("{:+.1f}", 100.0),

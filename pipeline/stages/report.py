@@ -25,7 +25,6 @@ from pipeline.report.study import Source
 from pipeline.runtime.settings import Count, Group
 from pipeline.runtime.writing import atomic_write
 from pipeline.world.bezier import lattice
-from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import valid
@@ -74,7 +73,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         tables=tables,
         paths=read_arrays(Path(cfg.paths.repair) / "paths.npz"),
         drawn=_drawn(cfg, scenes),
-        catalogue=read_catalogue(Path(cfg.paths.data)),
         facts=_facts(cfg, scenes),
         sources=_sources(cfg),
     )

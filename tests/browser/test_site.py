@@ -6,10 +6,8 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser
 
-from pipeline.report.exports import join
 from pipeline.report.render import PAGES
 from tests.browser.conftest import Opened
-from tests.report import factory
 
 PHONE, DESK, SHEET = 390, 1440, 688  # [px]; the last is A4's 210 mm less the margins of page.css
 every_page = pytest.mark.parametrize("name", PAGES)
@@ -148,28 +146,4 @@ def test_a_chart_is_whole_without_scripts(browser: Browser, site: Path):
     assert page.locator(".series").first.is_visible()
     page.goto((site / "index.html").as_uri())
     assert not page.locator(".widget").is_visible() and page.locator("figure object").first.is_visible()
-    page.close()
-
-
-def test_the_site_in_one_file_asks_for_nothing_and_leads_to_every_page(browser: Browser, site: Path, tmp_path: Path):
-    file = tmp_path / "site.html"
-    for name in factory.results().facts["studies"]:
-        study = site.parent / "studies" / name / "index.html"
-        study.parent.mkdir(parents=True)
-        back = f'<a href="../../{site.name}/index.html#studies">Studies</a>'
-        study.write_text(f'<body><main id="main" tabindex="-1"><h1>A study</h1>{back}</main></body>')
-    file.write_text(join(site, site.parent / "studies"))
-    page, messages, requests = browser.new_page(), [], []
-    page.on("console", lambda message: messages.append(message.text))
-    page.on("request", lambda request: requests.append(request.url))
-    page.goto(file.as_uri())
-    page.wait_for_function("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
-    assert messages == [] and all(url.startswith(("data:", file.as_uri())) for url in requests)
-    missing = "all => all.map(a => a.hash).filter(hash => hash && !document.getElementById(hash.slice(1)))"
-    assert page.locator("a").evaluate_all(missing) == []
-    for name, title in PAGES.items():
-        page.get_by_role("navigation", name="Pages").get_by_role("link", name=title, exact=True).press("Enter")
-        assert page.locator(f"article#{name}").evaluate("one => Math.abs(one.getBoundingClientRect().top)") < 900
-    page.locator(".handle").press("ArrowLeft")
-    assert Axe().run(page).violations_count == 0
     page.close()

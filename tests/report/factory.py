@@ -175,7 +175,7 @@ def _layouts() -> Layouts:
 def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARGINS), **changes) -> Results:
     """Return results of these variants and users, drawn as plain grey with smooth maps; `changes` replace tables."""
     judged, shown = [user for user in ("careful", "normal") if user in users], _shown(variants)
-    catalogue, steps = catalogue_of(DATA), np.linspace([1.0, 0.1], [0.5, 0.5], STEPS + 1)
+    steps = np.linspace([1.0, 0.1], [0.5, 0.5], STEPS + 1)
     y, x = np.mgrid[:SIDE, :SIDE] / SIDE
     maps, grey = np.stack([(x + y) / 2] * SCENES), np.full((SCENES, 100, 100, 3), 150, np.uint8)
     drawn = DrawnScenes(
@@ -205,6 +205,5 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
             np.stack([steps] * SCENES * STARTS),
         ),
         drawn=drawn,
-        catalogue=catalogue,
         facts=FACTS | {"studies": dict(FACTS["studies"])},
     )

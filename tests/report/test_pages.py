@@ -20,7 +20,7 @@ from pipeline.runtime.places import ROOT
 from pipeline.stages import page as study_page
 from tests.report import factory
 
-WORDS = dict.fromkeys(PAGES, 800) | {"index": 480}  # of prose; tables apart
+WORDS = dict.fromkeys(PAGES, 800) | {"index": 450}  # of prose; tables apart
 FEW = ("full", "classifier", "clearance")
 LARGEST_SITE = 2 * 2**20  # bytes
 

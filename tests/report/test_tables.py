@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from pipeline.report.charts import bars, curves
-from pipeline.report.derived import NOTHING, by_slice, describe, overlap
+from pipeline.report.derived import NOTHING, by_slice, describe
 from pipeline.report.exports import README, contents, curve, fill, headlines
 from pipeline.report.tables import FORMATS, Traced, in_brackets, rows_of
 from pipeline.runtime.errors import InputError
@@ -83,6 +83,7 @@ def test_every_format_refuses_what_is_not_finite_and_shows_none_as_a_dash(name: 
 
 
 def test_formats_round_and_use_a_true_minus():
+    assert FORMATS["pct"](0.998) == "99.8\u00a0%" and FORMATS["pct"](1) == "100\u00a0%"
     written = {"pct": (0.5351, "54\u00a0%"), "points1": (-0.0234, "−2.3"), "effect": (-0.001, "0.00")}
     assert all(FORMATS[name](number) == text for name, (number, text) in written.items())
 
@@ -108,13 +109,6 @@ def test_slices_of_a_kind_add_up_to_all_and_unsafe_is_the_invalid_share_of_what_
         np.testing.assert_allclose(rows.groupby("slice")["share"].sum(), 1.0)
     whole = by_slice(judged.head(4).assign(p=[0.9, 0.9, 0.9, 0.1], valid=[True, False, True, True])).iloc[0]
     assert (whole["unsafe"], whole["refused"], whole["accuracy"]) == pytest.approx((1 / 3, 1 / 3, 1 / 2))
-
-
-def test_a_model_that_knows_the_truth_finds_all_of_the_overlap():
-    judged = factory.tables()["judged"]
-    rows = overlap(factory.results(judged=judged.assign(p=judged["valid"].astype(float))))
-    assert (rows["overlap_found"] == 1).all()
-    np.testing.assert_allclose(rows[["both", "first", "second", "neither"]].sum(axis=1), 1.0)
 
 
 def test_every_model_and_baseline_has_a_row_of_headlines_and_the_curve_has_the_paper_and_each_reading():
