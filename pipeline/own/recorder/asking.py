@@ -5,7 +5,7 @@
 
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from threading import Lock
@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 from pydantic import FiniteFloat
+from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
@@ -198,27 +199,29 @@ def main(arguments: Sequence[str]) -> int:
     folder, faults = read_folder(parsed.folder)
     if folder is None:
         raise InputError(f"{faults[0]} (python -m pipeline.own check {quoted} says all)")
-    asking = Asking(folder, parsed.user, parsed.minutes)
+    kind = Asking
     if parsed.design:
-        from pipeline.own.recorder.designing import Designing  # which imports this module
-
-        asking = Designing(folder, parsed.user, parsed.minutes)
+        from pipeline.own.recorder.designing import Designing as kind  # which imports this module
     elif parsed.real:
-        from pipeline.own.recorder.placing import Placing
+        from pipeline.own.recorder.placing import Placing as kind
 
-        asking = Placing(folder, parsed.user, parsed.minutes)
-    if asking.apart:
-        print(f"The folder has changed since {asking.apart} earlier sittings: their answers are kept apart")
-    if not (parsed.design or parsed.real):
-        for line in outlook(folder, quoted, parsed.minutes):
+    asking: Asking
+
+    def made(hosts: Collection[str]) -> Starlette:
+        nonlocal asking
+        asking = kind(folder, parsed.user, parsed.minutes)  # under the folder's lock: earlier answers are all written
+        if asking.apart:
+            print(f"The folder has changed since {asking.apart} earlier sittings: their answers are kept apart")
+        for line in [] if parsed.design or parsed.real else outlook(folder, quoted, parsed.minutes):
             print(line)
+        return application(routes(asking), hosts)
 
     def ended() -> str:
         count = sum(len(sitting.answers) for sitting in asking.kept.values())
         then = "" if parsed.design else f" Next: python -m pipeline.own {quoted}"
         return f"{folder.path / ASKED} holds {count} of these judgements.{then}"
 
-    return serve(parsed, lambda hosts: application(routes(asking), hosts), "Asking about", ended)
+    return serve(parsed, made, "Asking about", ended)
 
 
 def outlook(folder: Folder, quoted: str, minutes: float) -> list[str]:
