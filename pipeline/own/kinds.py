@@ -21,8 +21,8 @@ from pipeline.own.folder import Folder
 from pipeline.own.frame import CANVAS_PX, Frame, outline
 from pipeline.perception.objects import Capsule, Objects, fit_capsule
 from pipeline.runtime.streams import stream
-from pipeline.stats.crossed import by_item
-from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm
+from pipeline.stats.crossed import by_item, estimate
+from pipeline.stats.tests import LEVEL, MIN_PAIRS, SMALLEST_EFFECT, holm
 from pipeline.world.bezier import bezier
 from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
 from pipeline.world.layout import EMPTY, Layouts, empty, point_segment_distance, segment_distance
@@ -49,6 +49,8 @@ class Added:
     seen: Objects
     seen_with: Objects
     footprint: Layouts  # of the added object, one slot [m of the model]
+    found: Objects  # as the detector alone sees both pictures of the places whose scenes are told, in their order
+    found_with: Objects
 
 
 def add_kind(folder: Folder, kind: str) -> Added | None:
@@ -71,7 +73,10 @@ def add_kind(folder: Folder, kind: str) -> Added | None:
     added = capsules(np.array(ends)[:, None], np.array(radii)[:, None], np.ones((len(radii), 1), bool))
     outlines = [outline(end, np.float64(radius)) for end, radius in zip(ends, radii, strict=True)]
     with_items = folder.seen.with_items(numbers, images, outlines, kind)
-    return Added(np.array(numbers), images[0], objects[numbers], with_items, added)
+    told, untold = [i for i, scene in enumerate(numbers) if scene in folder.seen.told], folder.seen.untold
+    of_told = [numbers[i] for i in told], [images[i] for i in told], [outlines[i] for i in told]
+    found = untold.objects[of_told[0]], untold.with_items(*of_told, kind)
+    return Added(np.array(numbers), images[0], objects[numbers], with_items, added, *found)
 
 
 def footprint(cutout: UInt8[Array, "row column 4"], width_m: float) -> Capsule:
@@ -181,6 +186,30 @@ def effects(fitted: Fitted, added: Mapping[str, Added], folder: Folder) -> pd.Da
     holds = np.any([(table["verdict"] == verdict) & condition for verdict, condition in certain.items()], axis=0)
     table["verdict"] = table["verdict"].where(holds, "undecided")
     return table
+
+
+def by_detector(fitted: Fitted, added: Mapping[str, Added], folder: Folder) -> pd.DataFrame:
+    """Return what adding each kind does in the scenes whose items are told: as told, and as the detector sees them.
+
+    Mediation by intervention on the percept: rule is the effect with told items, detection what the detector adds to
+    it; each has a 95 % interval over places. Paths are those of `effects`.
+    """
+    rows = []
+    for kind, places in added.items():
+        told = np.flatnonzero(np.isin(places.scene, list(folder.seen.told)))
+        if len(told) >= MIN_PAIRS:
+            z = random_paths(stream("own", "paths", kind), folder, len(places.scene), PATHS)[told]
+            before, after, found, found_with = (
+                fitted.model.probability(seen, z).astype(float)
+                for seen in (places.seen[told], places.seen_with[told], places.found, places.found_with)
+            )
+            rule = (after - before).mean(1)
+            parts = {"rule": rule, "detection": (found_with - found).mean(1) - rule}
+            for part, value in parts.items():
+                mean = estimate(value[None, None])
+                interval = mean.ci_low[0], mean.effect[0], mean.ci_high[0]
+                rows.append((fitted.data.user, kind, part, len(told), *interval))
+    return pd.DataFrame(rows, columns=["user", "kind", "part", "places", "ci_low", "effect", "ci_high"])
 
 
 def envelopes(fitted: Fitted, added: Mapping[str, Added], folder: Folder, table: pd.DataFrame) -> pd.DataFrame:

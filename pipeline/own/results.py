@@ -100,6 +100,7 @@ def compute(folder: Folder, given: asked.Given, progress: Callable[[str], object
     added = {kind: places for kind, places in placed.items() if places is not None}
     if added:
         tables["interventions"] = by_user(lambda one: kinds.effects(one, added, folder))
+        tables["by_detector"] = by_user(lambda one: kinds.by_detector(one, added, folder))
         tables["distances"] = by_user(lambda one: kinds.envelopes(one, added, folder, tables["interventions"]))
     progress("repairs")
     repaired = [fitting.repairs(one, folder) for one in fitted.values()]

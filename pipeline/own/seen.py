@@ -4,7 +4,7 @@ Where a person named kinds, every other item gets the kind whose items look most
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -81,6 +81,11 @@ class Seen:
     def names(self) -> list[str]:
         """Return what the columns of the objects' `kinds` stand for."""
         return list(LOOKS) if self.kinds is None else self.kinds.names
+
+    @property
+    def untold(self) -> "Seen":
+        """Return the same scenes as the detector alone sees them, with the kinds that were named."""
+        return replace(self, told={}, ways=[ALONE] * len(self.ways))
 
     def with_items(
         self, scenes: Sequence[int], images: Sequence[Image], outlines: Sequence[Array], kind: str

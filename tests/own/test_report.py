@@ -60,6 +60,8 @@ def test_the_report_of_the_example_says_what_its_users_do(example: Path):
     verdicts = table(example, "interventions").set_index(["user", "kind"])["verdict"]
     assert (verdicts["Ana"] == "effect").all() and verdicts["Jürgen", "glass"] == "effect"
     assert (verdicts["Jürgen"].drop("glass") != "effect").all()
+    parts = table(example, "by_detector").set_index(["user", "kind", "part"])["effect"]
+    assert parts["Jürgen", "glass", "rule"] < -0.05 and abs(parts["Jürgen", "glass", "detection"]) < 0.03
     distances = table(example, "distances").set_index(["user", "kind"])["radius_m"]
     assert distances["Jürgen", "glass"] == pytest.approx(0.042, abs=0.015)
     assert (metrics["scenes"], metrics["demonstrations"], metrics["recall"]) == (14, 192, 1.0)
