@@ -31,8 +31,8 @@ OUTLINE = 0.35  # probability on an outline: at .5 some handles are missed (vali
 # Chosen on validation photographs; on path-traced validation tops the second view changes nothing
 NEAR_PX = 200  # a region larger than this is a large item: the image is segmented at half its size, too [pixels]
 LARGE_PX = 500  # of the regions at half the size, those larger than this are averaged [pixels of the image]
-# A close-up (docs/decisions/035-close-ups.md): more items than this, and a region larger than this at half the size
-MANY_PX, CLOSE_UP_PX = 400, 600
+# A close-up (docs/decisions/035-close-ups.md): items sum to more, and a region at two thirds of the size is larger
+MANY_PX, CLOSE_UP_PX = 400, 575
 STRIDE = 3  # median and spread are those of every third row and column
 Pictures = Float32[Array, "scene 100 100 3"]  # [1 = white]
 MIN_SPREAD = 4 / 255  # smallest standard deviation by which colours are divided [1 = white]: sensor noise
@@ -100,15 +100,15 @@ def segment(image: UInt8[Array, "100 100 3"], empty: UInt8[Array, "100 100 3"] |
 
     Where an item is large, the camera is nearer than in most of the training: the image is segmented at half its size,
     too, and what both say is averaged in the large items that show there. In a close-up without a picture of the empty
-    table, the surer of the two counts at each pixel, and both are means over all eight turned and mirrored images.
+    table, the surer of both counts at each pixel, and both are means over all eight turned and mirrored images.
     """
     pictures = [image] if empty is None else [image, empty]
     outputs = _outputs(pictures)
     near = empty is None and outputs[0].sigmoid().sum() > MANY_PX
-    if near and _large(far := _far(pictures, every=True), CLOSE_UP_PX).any():
-        outputs = torch.maximum(_outputs(pictures, every=True), far)
+    if near and _large(_far(pictures, 2 / 3, every=True), CLOSE_UP_PX).any():
+        outputs = torch.maximum(_outputs(pictures, every=True), _far(pictures, 1 / 2, every=True))
     elif _large(outputs, NEAR_PX).any():
-        far = _far(pictures)
+        far = _far(pictures, 1 / 2)
         large = cv2.dilate(_large(far, LARGE_PX), np.ones((7, 7), np.uint8)) > 0  # with what is just beside them
         outputs = torch.where(torch.from_numpy(large), (outputs + far) / 2, outputs)
     item, between, see_through = outputs[: len(MAPS)].sigmoid().mul(255).round().div(255).numpy()
@@ -133,11 +133,13 @@ def _view(inputs: Float[Tensor, "1 7 row column"], turns: int, mirrored: bool) -
     return torch.rot90(outputs, -turns, AXES)[0]
 
 
-def _far(pictures: list[UInt8[Array, "100 100 3"]], every: bool = False) -> Float[Tensor, "9 row column"]:
-    """Return the outputs for pictures at half their size, with their edges continued."""
-    inner, edge = slice(SIDE // 4, SIDE // 4 + SIDE // 2), SIDE // 4
-    halves = [cv2.resize(picture, (SIDE // 2, SIDE // 2), interpolation=cv2.INTER_AREA) for picture in pictures]
-    far = _outputs([cv2.copyMakeBorder(x, edge, edge, edge, edge, cv2.BORDER_REPLICATE) for x in halves], every)
+def _far(pictures: list[UInt8[Array, "100 100 3"]], share: float, every: bool = False) -> Float[Tensor, "9 row column"]:
+    """Return the outputs for pictures at a share of their size, with their edges continued."""
+    side = round(share * SIDE)
+    edge = (SIDE - side) // 2, SIDE - side - (SIDE - side) // 2
+    small = [cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA) for picture in pictures]
+    far = _outputs([cv2.copyMakeBorder(x, *edge, *edge, cv2.BORDER_REPLICATE) for x in small], every)
+    inner = slice(edge[0], edge[0] + side)
     return F.interpolate(far[None, :, inner, inner], (SIDE, SIDE), mode="bilinear")[0]
 
 
