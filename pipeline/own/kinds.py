@@ -192,7 +192,7 @@ def by_detector(fitted: Fitted, added: Mapping[str, Added], folder: Folder) -> p
     """Return what adding each kind does in the scenes whose items are told: as told, and as the detector sees them.
 
     Mediation by intervention on the percept: rule is the effect with told items, detection what the detector adds to
-    it; each has a 95 % interval over places. Paths are those of `effects`.
+    it; each has a 95 % interval over places. Paths are those of `effects`. The detector's doubt does not count.
     """
     rows = []
     for kind, places in added.items():
@@ -200,7 +200,7 @@ def by_detector(fitted: Fitted, added: Mapping[str, Added], folder: Folder) -> p
         if len(told) >= MIN_PAIRS:
             z = random_paths(stream("own", "paths", kind), folder, len(places.scene), PATHS)[told]
             before, after, found, found_with = (
-                fitted.model.probability(seen, z).astype(float)
+                fitted.model.probability(replace(seen, doubt=np.zeros_like(seen.doubt)), z).astype(float)
                 for seen in (places.seen[told], places.seen_with[told], places.found, places.found_with)
             )
             rule = (after - before).mean(1)
