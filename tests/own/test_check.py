@@ -22,7 +22,7 @@ from pipeline.world.bezier import P_F, P_INIT, bernstein, bezier, curve, random_
 from pipeline.world.bezier_fit import fit_any
 from pipeline.world.hand import ARC_POINTS, Hand, simulate
 from tests.factories import as_controls, composed, draw_table
-from tests.own.folders import SCENES, add_kind, change, edit, make_folder, write_picture
+from tests.own.folders import SCENES, add_kind, change, edit, make_folder, whole, write_picture
 
 Spoil = Callable[[Path], object]
 
@@ -246,13 +246,11 @@ def test_a_command_to_type_names_the_folder_as_a_shell_takes_it(tmp_path: Path):
 @pytest.mark.parametrize(("separator", "first"), [(";", "sep=;\n"), (";", "sep=;;;;;;;\n"), ("\t", "")])
 def test_semicolons_tabs_and_decimal_commas_of_a_spreadsheet_are_read(folder: Path, separator: str, first: str):
     file = folder / "demonstrations.csv"
-    pointed, _ = read_folder(folder)
+    pointed = whole(folder).demos
     edit(folder, lambda table: table.replace({column: r"\." for column in "txy"}, ",", regex=True))
     text = pd.read_csv(file, dtype=str).to_csv(sep=separator, index=False)
     file.write_text(f"\ufeff{first}{text}", encoding="utf-8")  # a byte order mark, as spreadsheets write
-    read, faults = read_folder(folder)
-    assert not faults and read is not None and pointed is not None
-    pd.testing.assert_frame_equal(read.demos, pointed.demos)
+    pd.testing.assert_frame_equal(whole(folder).demos, pointed)
 
 
 def test_names_are_kept_whatever_they_look_like_and_accents_may_be_decomposed(folder: Path):
@@ -266,13 +264,12 @@ def test_names_are_kept_whatever_they_look_like_and_accents_may_be_decomposed(fo
     (folder / "kinds" / ".Trashes").mkdir()
     write_picture(folder / "empty.png", draw_table())
     (folder / "empty.png").rename(folder / "Empty.PNG")
-    made, faults = read_folder(folder)
-    assert not faults and made is not None and made.empty is not None and made.users == ["NA", users["Jürgen"]]
+    made = whole(folder)
+    assert made.empty is not None and made.users == ["NA", users["Jürgen"]]
     (folder / "Empty.PNG").unlink()
     lines = [f"  {name}: [[5, 5], [95, 5], [95, 95], [5, 95]]\n" for name in made.scenes]
     (folder / "table.yaml").write_text("".join(["corners:\n", *lines]), encoding="utf-8")
-    again, faults = read_folder(folder)
-    assert not faults and again is not None and again.scenes == ["010", "Mittag", "thé", "夕食"]
+    assert whole(folder).scenes == ["010", "Mittag", "thé", "夕食"]
 
 
 def test_a_picture_whose_profile_or_date_is_odd_is_read(tmp_path: Path):
