@@ -15,7 +15,7 @@ from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demo
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
-from pipeline.models.base import ValidityModel, untrained
+from pipeline.models.base import untrained
 from pipeline.models.clearance.clearance import ClearanceModel, pack
 from pipeline.models.irl.reward_map import RewardMap
 from pipeline.models.trained import build
@@ -149,23 +149,7 @@ def draw_table(*discs, seed=0, grain=0.02) -> np.ndarray:
     y, x = np.mgrid[:SIDE, :SIDE] + 0.5
     for at_x, at_y, radius, colour in discs:
         image[np.hypot(x - SIDE * at_x, SIDE * (1 - at_y) - y) < SIDE * radius] = colour
-    return to_pixels(image)
-
-
-def to_pixels(image: np.ndarray) -> np.ndarray:
     return (255 * image.clip(0, 1)).round().astype(np.uint8)
-
-
-def save_model(cfg: DictConfig, variant: str, model: ValidityModel, user: str, seed: int, n: int | None = None) -> None:
-    """A model of `n` demonstrations (None: main_n_demos), where the stage that fits its variant would write it."""
-    save_weights(weights_path(model_dir(cfg, variant), user, seed, n or cfg.main_n_demos), model.state_dict())
-
-
-def with_evidence(model: ValidityModel) -> ValidityModel:
-    """The model; a clearance model with evidence for what it was drawn to believe."""
-    if isinstance(model, ClearanceModel):
-        model.evidence.fill_(20.0)
-    return model
 
 
 def rendered_scenes(cfg: DictConfig, pools: Mapping[str, tuple[int, str]]) -> SceneSet:
@@ -240,8 +224,11 @@ def models_in_rendered_scenes(folder: Path, variants: Sequence[str], count: int,
     for variant in variants:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
-                model = with_evidence(build(cfg.variants[variant], seed))
-                save_model(cfg, variant, model, user, seed)
+                model = build(cfg.variants[variant], seed)
+                if isinstance(model, ClearanceModel):
+                    model.evidence.fill_(20.0)  # for what it was drawn to believe
+                file = weights_path(model_dir(cfg, variant), user, seed, cfg.main_n_demos)
+                save_weights(file, model.state_dict())
     return cfg
 
 
