@@ -15,8 +15,9 @@ from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demo
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
-from pipeline.models.base import ValidityModel, untrained
+from pipeline.models.base import untrained
 from pipeline.models.clearance.clearance import ClearanceModel, pack
+from pipeline.models.irl.reward_map import RewardMap
 from pipeline.models.trained import build
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights
@@ -36,7 +37,7 @@ from pipeline.world.layout import (
     segment_distance,
 )
 from pipeline.world.render import Palette, render_scenes
-from pipeline.world.rules import valid
+from pipeline.world.rules import Margins, valid
 
 RULES = LayoutRules(
     items_per_scene=(2, 3),
@@ -49,11 +50,22 @@ RULES = LayoutRules(
     scale_high=1.03,
 )  # as in conf/scenes.yaml
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
+# Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
+ROUND_AND_OVAL = Items(
+    np.tile(np.arange(4), 2),
+    np.array([0.0, 0.0, 0.08, 0.0, 0.0, 0.038, 0.07, 0.015]),
+    np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.054, 0.013, 0.0375]),
+)
 
 WEIGHTS = {  # of Eq. 1
     "full": Weights(alpha=10.0, beta=0.005, gamma=1.0),
     "ae": Weights(alpha=10.0, beta=0.0, gamma=1.0),
     "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0),
+}
+MARGINS: dict[str, Margins] = {  # [m] of the paper's users
+    "careful": dict.fromkeys(SYMBOLS, 0.045),
+    "normal": dict.fromkeys(SYMBOLS) | {"glass": 0.042},
+    "aggressive": dict.fromkeys(SYMBOLS),
 }
 RED, WHITE = (0.8, 0.2, 0.2), (0.9, 0.9, 0.9)
 
@@ -96,6 +108,22 @@ def clearance_model(seed: int = 0, **shape: object) -> ClearanceModel:
     return model
 
 
+def reward_model(seed: int = 0, **shape: object) -> RewardMap:
+    """An untrained reward map, small if `shape` says nothing else."""
+    small = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.1, "lattice_side": 10}
+    model = build({"kind": "reward", "model": small | shape}, seed)
+    assert isinstance(model, RewardMap)
+    return model
+
+
+def noise_demos(seed: int, scenes: int = 3, n: int = 4) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Dark noise for images, as gradients of grey cancel, and paths; one in four is valid, the first is not."""
+    rng = np.random.default_rng(seed)
+    valid = rng.random((scenes, n)) < 0.25
+    valid.flat[:2] = False, True
+    return rng.integers(0, 128, (scenes, 100, 100, 3), dtype=np.uint8), rng.uniform(-0.2, 1.2, (scenes, n, 2)), valid
+
+
 def percept(layouts: Layouts) -> torch.Tensor:
     """Layouts as the clearance model perceives them, in double precision: the same features for all objects."""
     features, doubt = np.zeros((*layouts.present.shape, len(FEATURES))), np.zeros(len(layouts))
@@ -103,13 +131,15 @@ def percept(layouts: Layouts) -> torch.Tensor:
     return pack(layouts.ends, layouts.radius, features, layouts.present, doubt, kinds)
 
 
-def least_gaps(layouts: Layouts, scene: int) -> tuple[float, float]:
-    """Least distance [m] from footprint to footprint, and from footprint to the ends of the task."""
-    slots = np.flatnonzero(layouts.present[scene])
-    ends, radius = layouts.ends[scene, slots], layouts.radius[scene, slots]
-    apart = segment_distance(ends[:, None], ends) - radius[:, None] - radius
-    away = [point_segment_distance(p, ends[:, 0], ends[:, 1]) - radius for p in (P_INIT, P_F)]
-    return float(apart[~np.eye(len(slots), dtype=bool)].min(initial=np.inf)), float(np.min(away, initial=np.inf))
+def assert_clear(layouts: Layouts, rules: LayoutRules = RULES, items: float = 1e-9, ends: float = 1e-9) -> None:
+    """Footprints are clear of one another and of the task's ends as the rules say, but for these roundings [m]."""
+    for scene in range(len(layouts)):
+        slots = np.flatnonzero(layouts.present[scene])
+        axes, radius = layouts.ends[scene, slots], layouts.radius[scene, slots]
+        apart = segment_distance(axes[:, None], axes) - radius[:, None] - radius
+        away = [point_segment_distance(p, axes[:, 0], axes[:, 1]) - radius for p in (P_INIT, P_F)]
+        assert apart[~np.eye(len(slots), dtype=bool)].min(initial=np.inf) >= rules.clear_of_items - items
+        assert np.min(away, initial=np.inf) >= rules.clear_of_ends - ends
 
 
 def draw_table(*discs, seed=0, grain=0.02) -> np.ndarray:
@@ -119,23 +149,7 @@ def draw_table(*discs, seed=0, grain=0.02) -> np.ndarray:
     y, x = np.mgrid[:SIDE, :SIDE] + 0.5
     for at_x, at_y, radius, colour in discs:
         image[np.hypot(x - SIDE * at_x, SIDE * (1 - at_y) - y) < SIDE * radius] = colour
-    return to_pixels(image)
-
-
-def to_pixels(image: np.ndarray) -> np.ndarray:
     return (255 * image.clip(0, 1)).round().astype(np.uint8)
-
-
-def save_model(cfg: DictConfig, variant: str, model: ValidityModel, user: str, seed: int, n: int | None = None) -> None:
-    """A model of `n` demonstrations (None: main_n_demos), where the stage that fits its variant would write it."""
-    save_weights(weights_path(model_dir(cfg, variant), user, seed, n or cfg.main_n_demos), model.state_dict())
-
-
-def with_evidence(model: ValidityModel) -> ValidityModel:
-    """The model; a clearance model with evidence for what it was drawn to believe."""
-    if isinstance(model, ClearanceModel):
-        model.evidence.fill_(20.0)
-    return model
 
 
 def rendered_scenes(cfg: DictConfig, pools: Mapping[str, tuple[int, str]]) -> SceneSet:
@@ -210,8 +224,11 @@ def models_in_rendered_scenes(folder: Path, variants: Sequence[str], count: int,
     for variant in variants:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
-                model = with_evidence(build(cfg.variants[variant], seed))
-                save_model(cfg, variant, model, user, seed)
+                model = build(cfg.variants[variant], seed)
+                if isinstance(model, ClearanceModel):
+                    model.evidence.fill_(20.0)  # for what it was drawn to believe
+                file = weights_path(model_dir(cfg, variant), user, seed, cfg.main_n_demos)
+                save_weights(file, model.state_dict())
     return cfg
 
 

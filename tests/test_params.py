@@ -27,12 +27,6 @@ def own_conf(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path / "conf"
 
 
-def composed_by_dvc(conf: Path, *overrides: str) -> dict:
-    """What `dvc exp run -S` makes of conf/."""
-    compose_and_dump(Path("dvc.yaml"), str(conf), None, "config", str(ROOT / "plugins"), list(overrides))
-    return yaml.safe_load(Path("dvc.yaml").read_text())
-
-
 def test_params_yaml_is_what_conf_and_dvc_compose(tmp_path: Path):
     text = (ROOT / "params.yaml").read_text()
     compose_and_dump(tmp_path / "params.yaml", str(CONF), None, "config", str(ROOT / "plugins"), [])
@@ -43,7 +37,9 @@ def test_params_yaml_is_what_conf_and_dvc_compose(tmp_path: Path):
 def test_overrides_are_kept_for_all_that_composes_conf_until_others_are_given(own_conf: Path):
     given = ["profile=smoke", "~variants.ae", "~variants.irl_maxent", "train.steps=9"]
     assert params.main(given) == 0 == params.main(["--check"])
-    by_dvc, text = composed_by_dvc(own_conf, "evaluate.bins=5"), Path("params.yaml").read_text()
+    dvc_s = Path("dvc.yaml")  # what `dvc exp run -S` makes of conf/
+    compose_and_dump(dvc_s, str(own_conf), None, "config", str(ROOT / "plugins"), ["evaluate.bins=5"])
+    by_dvc, text = yaml.safe_load(dvc_s.read_text()), Path("params.yaml").read_text()
     assert by_dvc == yaml.safe_load(text.replace("bins: 10", "bins: 5"))
     assert (by_dvc["profile"], by_dvc["train"]["steps"]) == ("smoke", 9)
     assert not {"ae", "irl_maxent"} & by_dvc["variants"].keys()

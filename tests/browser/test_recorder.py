@@ -12,18 +12,8 @@ import yaml
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
-from tests.own.recorder.factory import (
-    CORNERS,
-    DETOUR,
-    GOAL,
-    HEIGHT,
-    START,
-    WIDTH,
-    Served,
-    make_folder,
-    pixels,
-    recorder,
-)
+from tests.own.recorder import factory
+from tests.own.recorder.factory import CORNERS, DETOUR, GOAL, Served, make_folder, pixels, recorder
 
 PHONE, DESK = 390, 1280  # [px]
 Points = list[tuple[float, float]]
@@ -86,7 +76,9 @@ def on_screen(page: Page, points: Points | list[list[int]], metres: bool = True)
     box = canvas.bounding_box()
     assert box
     places = pixels([(x, y) for x, y in points]) if metres else np.array(points, float)
-    return [(box["x"] + x / WIDTH * box["width"], box["y"] + y / HEIGHT * box["height"]) for x, y in places]
+    return [
+        (box["x"] + x / factory.WIDTH * box["width"], box["y"] + y / factory.HEIGHT * box["height"]) for x, y in places
+    ]
 
 
 def drag(page: Page, points: Points, let_go: bool = True) -> None:
@@ -137,7 +129,7 @@ def test_a_person_draws_with_the_mouse_judges_takes_back_and_goes_on(tab, folder
     expect(page.locator("#message")).to_contain_text("Removed path 2")
     (rows,) = paths(folder)
     assert distance_to(DETOUR, rows) < 0.01 and len(rows) >= 20
-    assert np.allclose(rows[["x", "y"]].iloc[[0, -1]], [START, GOAL], atol=0.01)
+    assert np.allclose(rows[["x", "y"]].iloc[[0, -1]], [factory.START, GOAL], atol=0.01)
     assert rows["t"].is_monotonic_increasing and rows["valid"].all() and set(rows["user"]) == {user}
     expect(page.get_by_role("columnheader", name=user)).to_be_visible()
     assert page.locator("img[src=x]").count() == 0, "a name is text"

@@ -3,22 +3,13 @@
 import numpy as np
 import pytest
 
-from pipeline.causal.counterfactual import (
-    NO_SINGLE_CAUSE,
-    Removals,
-    attribute,
-    baselines,
-    item_subsets,
-    score_attributions,
-    select_items,
-)
+from pipeline.causal import counterfactual
+from pipeline.causal.counterfactual import NO_SINGLE_CAUSE, Removals, attribute, item_subsets, select_items
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, random_layouts
 from pipeline.world.rules import clearance, valid
-from tests.factories import ITEMS, RULES
+from tests.factories import ITEMS, MARGINS, RULES
 
-CAREFUL: dict[str, float | None] = {symbol: 0.045 for symbol in SYMBOLS}
-NORMAL: dict[str, float | None] = {symbol: 0.045 if symbol == "glass" else None for symbol in SYMBOLS}
 LAYOUTS = random_layouts(np.random.default_rng(0), 20, ITEMS, np.arange(4), RULES)
 Z_THETA = random_z_theta(np.random.default_rng(1), 20, 40)
 SUBSETS = item_subsets(LAYOUTS.present)
@@ -29,7 +20,7 @@ def true_removals(margins: dict) -> Removals:
     return SUBSETS.by_question(valid(left, Z_THETA[SUBSETS.scene], margins).astype(float))
 
 
-@pytest.mark.parametrize("margins", [CAREFUL, NORMAL])
+@pytest.mark.parametrize("margins", [MARGINS["careful"], MARGINS["normal"]])
 def test_the_only_item_too_near_is_necessary(margins: dict):
     truth = true_removals(margins)
     margin = np.array([np.nan if margins[s] is None else margins[s] for s in SYMBOLS] + [np.nan])
@@ -41,12 +32,12 @@ def test_the_only_item_too_near_is_necessary(margins: dict):
     assert single.any() and (~single & invalid).any()
 
 
-@pytest.mark.parametrize("margins", [CAREFUL, NORMAL])
+@pytest.mark.parametrize("margins", [MARGINS["careful"], MARGINS["normal"]])
 def test_models_that_know_the_truth_are_never_wrong(margins: dict):
     truth = true_removals(margins)
-    chances = baselines(attribute(truth.necessity), LAYOUTS.present, clearance(LAYOUTS, Z_THETA))
+    chances = counterfactual.baselines(attribute(truth.necessity), LAYOUTS.present, clearance(LAYOUTS, Z_THETA))
     of_seeds = (np.repeat(part[None], 3, axis=0) for part in (truth.factual, truth.empty, truth.without))
-    row = score_attributions(Removals(*of_seeds), truth, chances)
+    row = counterfactual.score_attributions(Removals(*of_seeds), truth, chances)
     for name in ("right", "ci_low", "ci_high", "recall"):
         assert row[name] == 1, name
     assert row["rejected"] == (truth.factual == 0).sum() and row["empty_rejected"] == 0

@@ -8,23 +8,7 @@ import pytest
 from numpy.random import default_rng as rng
 
 from pipeline.causal import experiment
-from pipeline.causal.experiment import (
-    EQUIVALENCE_LEVEL,
-    EXTRA,
-    LEAST_BETWEEN,
-    LOOKS,
-    REPEATED,
-    SMALLEST_LOCAL_EFFECT,
-    STICKER,
-    UNCHANGED,
-    agreement,
-    answered,
-    average_effects,
-    by_distance,
-    design,
-    due,
-    local_verdicts,
-)
+from pipeline.causal.experiment import EXTRA, LOOKS, STICKER, UNCHANGED, design, due, local_verdicts
 from pipeline.causal.paired import lower_bound, sign_flip
 
 KINDS = ["cup", "fork"]
@@ -60,10 +44,10 @@ def wrongly_negligible(level: float) -> float:
         for n in LOOKS
     }
     sizes = []
-    for minus in np.linspace(SMALLEST_LOCAL_EFFECT, (1 + SMALLEST_LOCAL_EFFECT) / 2, 21):
+    for minus in np.linspace(experiment.SMALLEST_LOCAL_EFFECT, (1 + experiment.SMALLEST_LOCAL_EFFECT) / 2, 21):
         chance, done, stopped = {(0, 0): 1.0}, 0, 0.0
         for n in LOOKS:
-            steps, chance_now = outcomes(n - done, minus - SMALLEST_LOCAL_EFFECT, minus), {}
+            steps, chance_now = outcomes(n - done, minus - experiment.SMALLEST_LOCAL_EFFECT, minus), {}
             for ((a, b), p), ((c, d), q) in product(chance.items(), steps.items()):
                 chance_now[a + c, b + d] = chance_now.get((a + c, b + d), 0) + p * q
             stopped += sum(p for k, p in chance_now.items() if k in near[n])
@@ -73,7 +57,7 @@ def wrongly_negligible(level: float) -> float:
 
 
 def test_a_real_effect_is_called_negligible_in_at_most_one_of_twenty_over_all_looks():
-    assert wrongly_negligible(EQUIVALENCE_LEVEL) <= 0.05
+    assert wrongly_negligible(experiment.EQUIVALENCE_LEVEL) <= 0.05
 
 
 def test_the_p_value_is_that_of_all_flips_of_scenes():
@@ -93,8 +77,8 @@ def test_a_plan_asks_each_pair_once_under_each_condition_and_never_two_trials_of
     )
     assert first.loc[first["extra"] >= 0].set_index("extra")["stage"].sort_index().tolist() == [0, 0, 0, 1, 1, 1]
     assert (first["scene"].diff() == 0).sum() <= 2, "only where a block ends"
-    assert abs(len(again) / len(first) - REPEATED) < 0.02
-    assert (again.index - again["repeats"] > LEAST_BETWEEN).all()
+    assert abs(len(again) / len(first) - experiment.REPEATED) < 0.02
+    assert (again.index - again["repeats"] > experiment.LEAST_BETWEEN).all()
     original = plan.loc[again["repeats"]]
     assert (original[["scene", "condition"]].to_numpy() == again[["scene", "condition"]].to_numpy()).all()
 
@@ -142,7 +126,7 @@ def test_the_average_effect_weights_near_and_far_places_by_how_often_they_are_fr
     answers = {
         i: bool(c != "cup" or not n) for i, (c, n) in enumerate(zip(plan["condition"], plan["near"], strict=True))
     }
-    row = average_effects(plan, answers, {"cup": 0.2}).iloc[0]
+    row = experiment.average_effects(plan, answers, {"cup": 0.2}).iloc[0]
     assert row["effect"] == pytest.approx(-0.2) and (row["near_pairs"], row["far_pairs"]) == (27, 27)
     assert row["ci_low"] < -0.2 < row["ci_high"]
 
@@ -151,11 +135,11 @@ def test_distances_and_agreement_count_what_was_answered():
     plan = design(rng(6), KINDS, SCENES).assign(clearance_m=0.025)
     plan.loc[plan["condition"].isin([UNCHANGED, STICKER, EXTRA]), "clearance_m"] = np.nan
     answers = {i: i % 3 > 0 for i in range(60)}
-    trials = answered(plan, answers)
-    envelope = by_distance(trials)
+    trials = experiment.answered(plan, answers)
+    envelope = experiment.by_distance(trials)
     assert set(envelope["from_m"]) == {0.02} and set(envelope["kind"]) == set(KINDS)
     again = trials[trials["repeats"] >= 0]
-    table = agreement(trials, trials["answer"].to_numpy()).set_index("who")
+    table = experiment.agreement(trials, trials["answer"].to_numpy()).set_index("who")
     assert table.loc["model", "share"] == 1 and table.loc["self", "count"] == len(again)
     same = np.mean([answers[r] == a for r, a in zip(again["repeats"], again["answer"], strict=True)])
     assert table.loc["self", "share"] == pytest.approx(same)

@@ -4,18 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.causal.interventions import (
-    NONE,
-    PAPER_BOLD,
-    added_item_effects,
-    asked,
-    bold_rows,
-    cells_as_in_the_paper,
-    compare_with_truth,
-    expected_by_version,
-    questions,
-    right_verdicts,
-)
+from pipeline.causal import interventions
+from pipeline.causal.interventions import NONE, PAPER_BOLD, asked, bold_rows, compare_with_truth, right_verdicts
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.rules import PAPER_P_VALID
 
@@ -34,12 +24,12 @@ def family(effects: list[float], truths: list[float], spread: float = 0.001) -> 
 def test_a_question_compares_the_scene_as_it_is_with_its_symbol_s_version():
     users = ["careful", "normal"]
     p = np.random.default_rng(11).random((2, 3, 1 + len(SYMBOLS), 5, 6))  # user, seed, version, scene, path
-    before, after = expected_by_version(p)
-    for i, (user, symbol) in questions(users).iterrows():
+    before, after = interventions.expected_by_version(p)
+    for i, (user, symbol) in interventions.questions(users).iterrows():
         row = p[users.index(user)]
         np.testing.assert_allclose(before[i], row[:, 0].mean(-1))
         np.testing.assert_allclose(after[i], row[:, 1 + SYMBOLS.index(symbol)].mean(-1))
-    np.testing.assert_allclose(added_item_effects(p), after - before)
+    np.testing.assert_allclose(interventions.added_item_effects(p), after - before)
 
 
 def test_holm_corrects_for_the_whole_family():
@@ -81,7 +71,7 @@ def test_a_cell_is_bold_if_and_only_if_its_p_after_holm_over_the_learner_s_chang
     assert len(rows) == 15 and (changed["bold"] == (changed["p_holm"] < 0.05)).all()
     assert not rows.loc[rows["change"] == NONE, "bold"].any()
     assert set(changed.loc[changed["bold"], ["user", "change"]].itertuples(index=False, name=None)) == PAPER_BOLD
-    assert cells_as_in_the_paper(rows) == {"learner": 12}
+    assert interventions.cells_as_in_the_paper(rows) == {"learner": 12}
 
 
 def test_scenes_shuffled_between_the_arms_unbold_every_cell():
@@ -91,7 +81,7 @@ def test_scenes_shuffled_between_the_arms_unbold_every_cell():
     arms = np.where(swapped, intervened, baseline), np.where(swapped, baseline, intervened)
     rows = bold_rows("learner", CHANGES, *arms)
     assert not rows["bold"].any()
-    assert cells_as_in_the_paper(rows) == {"learner": 7}  # as for a model that never looks
+    assert interventions.cells_as_in_the_paper(rows) == {"learner": 7}  # as for a model that never looks
 
 
 def test_a_mark_needs_the_interval_beyond_the_smallest_effect_and_not_a_small_p_alone():

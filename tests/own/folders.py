@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from pipeline.own.folder import Folder, read_folder
+from pipeline.own.recorder.asking import Asking
 from pipeline.world.bezier import curve
 from tests.factories import RED, WHITE, draw_table
 
@@ -29,6 +31,22 @@ def make_folder(path: Path) -> Path:
                 parts.append(table.assign(scene=scene, user=user, demo=demo, valid="false" if demo < 2 else "true"))
     pd.concat(parts)[COLUMNS].to_csv(path / "demonstrations.csv", index=False)
     return path
+
+
+def whole(path: Path) -> Folder:
+    """Read a folder that has no fault."""
+    folder, faults = read_folder(path)
+    assert folder is not None and not faults, faults
+    return folder
+
+
+def answer(asking: Asking, count: int, user: str = "Ana", accepts: Callable[[int], bool] | None = None) -> dict:
+    """Answer so many trials by their number, or yes and no in turn; what is shown next."""
+    told = asking.begin(user=user)
+    for i in range(count):
+        valid = accepts(told["trial"]) if accepts else i % 2 == 0
+        told = asking.answer(user=user, trial=told["trial"], valid=valid, response_ms=900.0)
+    return told
 
 
 def write_picture(path: Path, pixels: np.ndarray) -> None:

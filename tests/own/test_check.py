@@ -22,7 +22,7 @@ from pipeline.world.bezier import P_F, P_INIT, bernstein, bezier, curve, random_
 from pipeline.world.bezier_fit import fit_any
 from pipeline.world.hand import ARC_POINTS, Hand, simulate
 from tests.factories import as_controls, composed, draw_table
-from tests.own.folders import SCENES, add_kind, change, edit, make_folder, write_picture
+from tests.own.folders import SCENES, add_kind, change, edit, make_folder, whole, write_picture
 
 Spoil = Callable[[Path], object]
 
@@ -49,31 +49,36 @@ def picture(pixels: np.ndarray, name: str = "scenes/tea.png") -> Spoil:
     return lambda path: (name.startswith("kinds/") and add_kind(path), write_picture(path / name, pixels))
 
 
-def keep(path: Path, *rows: float) -> None:
+def rows(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Spoil:
+    return lambda path: edit(path, change)
+
+
+def several(*spoils: Spoil) -> Spoil:
+    return lambda path: [spoil(path) for spoil in spoils]
+
+
+def keep(*kept: float) -> Spoil:
     """Leave these rows of the first path; 1.5 is halfway between two."""
-    table = pd.read_csv(path / "demonstrations.csv", dtype={"user": str, "demo": str})
-    first = table.index[:12]
-    for column in "txy":
-        table.loc[first[: len(rows)], column] = np.interp(rows, range(12), table.loc[first, column])
-    table.drop(first[len(rows) :]).to_csv(path / "demonstrations.csv", index=False)
+
+    def leave(table: pd.DataFrame) -> pd.DataFrame:
+        places = {c: np.interp(kept, range(12), table[c][:12].astype(float)) for c in "txy"}
+        return pd.concat([table[: len(kept)].assign(**places), table[12:]])
+
+    return rows(leave)
 
 
-def freeze(path: Path) -> None:
-    """Rows 5 to 8 of the table, the fourth to the seventh of a path, are one place."""
-    for row in (6, 7, 8):
-        for column in "xy":
-            edit(path, lambda t, row=row, c=column: t.assign(**{c: t[c].where(t.index != row - 2, t[c].iloc[3])}))
-
-
-def shift(path: Path, rows: slice, metres: float) -> None:
+def shift(first: int, last: int, metres: float) -> Spoil:
     """Move rows of the first path in x."""
-    table = pd.read_csv(path / "demonstrations.csv", dtype={"user": str, "demo": str})
-    table.loc[table.index[:12][rows], "x"] += metres
-    table.to_csv(path / "demonstrations.csv", index=False)
+    return rows(lambda t: t.assign(x=t["x"].astype(float) + metres * t.index.isin(range(first, last))))
 
 
-def scale_time(path: Path, factor: float) -> None:
-    edit(path, lambda table: table.assign(t=table["t"].astype(float) * factor))
+def lost(row: int, factor: float) -> Spoil:
+    """A sample at the origin, and the time of all scaled."""
+    return several(cell(row, "x", "0"), cell(row, "y", "0"), scale_time(factor))
+
+
+def scale_time(factor: float) -> Spoil:
+    return rows(lambda table: table.assign(t=table["t"].astype(float) * factor))
 
 
 def damaged(path: Path) -> None:
@@ -86,11 +91,15 @@ def damaged(path: Path) -> None:
     file.write_bytes(content[:middle] + bytes(len(content) - middle - 2) + content[-2:])
 
 
+def chunk(name: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+
+
 def huge(path: Path) -> None:
     """A PNG of 65 kilobytes that claims 20,000 x 20,000 pixels."""
     header = struct.pack(">II5B", 20_000, 20_000, 8, 2, 0, 0, 0)
     chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(bytes(60_000))), (b"IEND", b"")]
-    content = b"".join(struct.pack(">I", len(b)) + n + b + struct.pack(">I", zlib.crc32(n + b)) for n, b in chunks)
+    content = b"".join(chunk(*one) for one in chunks)
     (path / "scenes" / "tea.png").write_bytes(b"\x89PNG\r\n\x1a\n" + content)
 
 
@@ -101,6 +110,8 @@ def link_out(path: Path) -> None:
 
 ITEM = "scene,kind,x,y,angle_deg,radius_m,half_length_m\n"
 CUP, FAINT = "kinds/cup/blue.png", np.full((9, 9, 4), (9, 9, 9, 1), np.uint8)
+HEADER = "scene,user,demo,t,x,y,valid\n"
+FIRST, OTHER = "demonstration (breakfast, Ana, 0)", "demonstration (Mittag, Ana, 0)"
 FAULTS: dict[str, tuple[Spoil, str]] = {
     "missing scene": (cell(2, "scene", "supper"), "demonstrations.csv, row 2: scene 'supper' has no picture"),
     "huge picture": (huge, "scenes/tea.png has 20000 x 20000 pixels: expected at most 50 megapixels"),
@@ -117,79 +128,61 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
         text("table.yaml", "corner: []"),
         "table.yaml holds 'corner': expected some of size_m, corners",
     ),
-    "times run backwards": (cell(5, "t", "0.05"), "row 5: t goes back from 0.2 to 0.05 s in demonstration (breakfast,"),
+    "times run backwards": (cell(5, "t", "0.05"), f"row 5: t goes back from 0.2 to 0.05 s in {FIRST}"),
     "text for a number": (cell(7, "x", "0,5"), "row 7: x is '0,5': expected a number with a decimal point"),
-    "changing word": (cell(3, "valid", "true"), "row 3: valid changes within demonstration (breakfast, Ana, 0)"),
+    "changing word": (cell(3, "valid", "true"), f"row 3: valid changes within {FIRST}"),
     "name that nobody sees": (cell(3, "user", "\u200b"), "row 3: user is ''"),
     "terminal codes": (cell(3, "user", "\x1b[31mAna"), "row 3: user is '\\x1b[31mAna'"),
-    "four rows": (
-        lambda p: keep(p, 0, 5, 8, 11),
-        "row 2: demonstration (breakfast, Ana, 0) has 4 rows: expected at least",
-    ),
+    "four rows": (keep(0, 5, 8, 11), f"row 2: {FIRST} has 4 rows: expected at least"),
     "kilometres": (
-        lambda p: edit(p, lambda t: t.assign(x="0.0005", y="0.0004")),
-        "row 98: demonstration (Mittag, Ana, 0) stays within 0 m: expected a path in metres",
+        rows(lambda t: t.assign(x="0.0005", y="0.0004")),
+        f"row 98: {OTHER} stays within 0 m: expected a path in metres",
     ),
-    "crowded rows": (
-        lambda p: keep(p, 0, 1, 1.5, 2, 11),
-        "demonstration (breakfast, Ana, 0) does not determine its path",
-    ),
-    "drop-out": (
-        lambda p: (change(p, 7, "x", "0"), change(p, 7, "y", "0"), scale_time(p, 0.2)),
-        "row 7: demonstration (breakfast, Ana, 0) jumps by 0.6 m in 0.02 s",
-    ),
-    "drop-out of a slow recording": (
-        lambda p: (change(p, 4, "x", "0"), change(p, 4, "y", "0"), scale_time(p, 10)),
-        "row 4: demonstration (breakfast, Ana, 0) is at (0, 0), where lost samples are logged",
-    ),
+    "crowded rows": (keep(0, 1, 1.5, 2, 11), f"{FIRST} does not determine its path"),
+    "drop-out": (lost(7, 0.2), f"row 7: {FIRST} jumps by 0.6 m in 0.02 s"),
+    "drop-out of a slow recording": (lost(4, 10), f"row 4: {FIRST} is at (0, 0), where lost samples are logged"),
     "spike of a slow recording": (
-        lambda p: (shift(p, slice(5, 6), -0.45), scale_time(p, 10)),
-        "row 7: demonstration (breakfast, Ana, 0) leaves its path for one row, to (0.210165",
+        several(shift(5, 6, -0.45), scale_time(10)),
+        f"row 7: {FIRST} leaves its path for one row, to (0.210165",
     ),
-    "teleport of a slow recording": (
-        lambda p: (shift(p, slice(5, 11), -0.9), scale_time(p, 10)),
-        "row 7: demonstration (breakfast, Ana, 0) jumps by 0.8",
-    ),
+    "teleport of a slow recording": (several(shift(5, 11, -0.9), scale_time(10)), f"row 7: {FIRST} jumps by 0.8"),
     "picture of another format": (
         text("scenes/new.AVIF", ""),
         "scenes/new.AVIF is not read: expected a name that ends",
     ),
     "thousands": (
-        lambda p: text("demonstrations.csv", "scene;user;demo;t;x;y;valid\ntea;Ana;0;1.234,5;0,1;0,1;true\n")(p),
+        text("demonstrations.csv", HEADER.replace(",", ";") + "tea;Ana;0;1.234,5;0,1;0,1;true\n"),
         "row 2: t is '1.234,5': expected a number with a decimal point, and no other separator",
     ),
     "two recordings under one name": (
-        lambda p: edit(p, lambda t: t.assign(demo=t["demo"].replace("3", "0"), valid="true").sort_values([*KEY, "t"])),
-        "row 5: demonstration (Mittag, Ana, 0) jumps by 0.16 m in 0 s",
+        rows(lambda t: t.assign(demo=t["demo"].replace("3", "0"), valid="true").sort_values([*KEY, "t"])),
+        f"row 5: {OTHER} jumps by 0.16 m in 0 s",
     ),
     "one recording after another": (
-        lambda p: edit(p, lambda t: pd.concat([t, t.assign(t="1" + t["t"])]).sort_values(KEY, kind="stable")),
-        "row 14: demonstration (Mittag, Ana, 0) has a gap of 1.2 m: give each recording a name of its own",
+        rows(lambda t: pd.concat([t, t.assign(t="1" + t["t"])]).sort_values(KEY, kind="stable")),
+        f"row 14: {OTHER} has a gap of 1.2 m: give each recording a name of its own",
     ),
     "frozen tracker": (
-        freeze,
-        "row 9: demonstration (breakfast, Ana, 0) stands still for 4 rows and then jumps by 0.4",
+        rows(lambda t: t.assign(**{c: t[c].mask(t.index.isin([4, 5, 6]), t[c].iloc[3]) for c in "xy"})),
+        f"row 9: {FIRST} stands still for 4 rows and then jumps by 0.4",
     ),
     "damaged scan": (damaged, "scenes/tea.jpg is truncated or damaged (Corrupt JPEG data"),
     "other ending of the settings": (text("table.yml", ""), "table.yml is not read: rename it to table.yaml"),
     "bidirectional override": (cell(3, "user", "Ana\u202e"), "row 3: user is 'Ana\\u202e'"),
     "no label at all": (
-        lambda p: edit(p, lambda t: t.assign(valid="")),
+        rows(lambda t: t.assign(valid="")),
         "row 2: no demonstration has a label: judge them with `python -m pipeline.own record",
     ),
     "one kind of label": (
-        lambda p: edit(p, lambda t: t.assign(valid="true")),
+        rows(lambda t: t.assign(valid="true")),
         "row 2: user Ana has valid demonstrations alone: expected both",
     ),
-    "few scenes": (
-        lambda p: edit(p, lambda t: t[t["scene"].isin(SCENES[:3])]),
-        "user Ana has 3 scenes: expected at least 4",
-    ),
+    "few scenes": (rows(lambda t: t[t["scene"].isin(SCENES[:3])]), "user Ana has 3 scenes: expected at least 4"),
     "no column": (text("demonstrations.csv", "scene,user,demo,t,x,y\n"), "expected also valid"),
     "other case": (text("Items.csv", ""), "Items.csv is not read: rename it to items.csv"),
     "not UTF-8": (text("demonstrations.csv", "scene,Jürgen"), "is not UTF-8: save it as"),
     "ragged": (
-        text("demonstrations.csv", "scene,user,demo,t,x,y,valid\na,b,c,1,1,1,true,9,9\n"),
+        text("demonstrations.csv", HEADER + "a,b,c,1,1,1,true,9,9\n"),
         "demonstrations.csv, row 2: has 9 cells, the header 7",
     ),
     "link out of the folder": (link_out, "scenes/tea.png is a link out of the folder"),
@@ -253,13 +246,11 @@ def test_a_command_to_type_names_the_folder_as_a_shell_takes_it(tmp_path: Path):
 @pytest.mark.parametrize(("separator", "first"), [(";", "sep=;\n"), (";", "sep=;;;;;;;\n"), ("\t", "")])
 def test_semicolons_tabs_and_decimal_commas_of_a_spreadsheet_are_read(folder: Path, separator: str, first: str):
     file = folder / "demonstrations.csv"
-    pointed, _ = read_folder(folder)
+    pointed = whole(folder).demos
     edit(folder, lambda table: table.replace({column: r"\." for column in "txy"}, ",", regex=True))
     text = pd.read_csv(file, dtype=str).to_csv(sep=separator, index=False)
     file.write_text(f"\ufeff{first}{text}", encoding="utf-8")  # a byte order mark, as spreadsheets write
-    read, faults = read_folder(folder)
-    assert not faults and read is not None and pointed is not None
-    pd.testing.assert_frame_equal(read.demos, pointed.demos)
+    pd.testing.assert_frame_equal(whole(folder).demos, pointed)
 
 
 def test_names_are_kept_whatever_they_look_like_and_accents_may_be_decomposed(folder: Path):
@@ -273,17 +264,12 @@ def test_names_are_kept_whatever_they_look_like_and_accents_may_be_decomposed(fo
     (folder / "kinds" / ".Trashes").mkdir()
     write_picture(folder / "empty.png", draw_table())
     (folder / "empty.png").rename(folder / "Empty.PNG")
-    made, faults = read_folder(folder)
-    assert not faults and made is not None and made.empty is not None and made.users == ["NA", users["Jürgen"]]
+    made = whole(folder)
+    assert made.empty is not None and made.users == ["NA", users["Jürgen"]]
     (folder / "Empty.PNG").unlink()
     lines = [f"  {name}: [[5, 5], [95, 5], [95, 95], [5, 95]]\n" for name in made.scenes]
     (folder / "table.yaml").write_text("".join(["corners:\n", *lines]), encoding="utf-8")
-    again, faults = read_folder(folder)
-    assert not faults and again is not None and again.scenes == ["010", "Mittag", "thé", "夕食"]
-
-
-def chunk(name: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+    assert whole(folder).scenes == ["010", "Mittag", "thé", "夕食"]
 
 
 def test_a_picture_whose_profile_or_date_is_odd_is_read(tmp_path: Path):

@@ -21,7 +21,7 @@ from pipeline.perception.objects import Objects
 from pipeline.world.bezier import P_INIT
 from pipeline.world.images import read_image
 from tests.factories import RED, WHITE, draw_table
-from tests.own.folders import SCENES, add_kind, edit, make_folder, write_picture
+from tests.own.folders import SCENES, add_kind, edit, make_folder, whole, write_picture
 
 CORNERS = np.array([[148, 62], [498, 71], [612, 441], [37, 428]], float)
 NOTHING = Objects.of([[]], [0.0], 0)
@@ -31,9 +31,7 @@ NOTHING = Objects.of([[]], [0.0], 0)
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     path = make_folder(tmp_path_factory.mktemp("own") / "t")
     add_kind(path)
-    folder, faults = read_folder(path)
-    assert folder is not None and not faults
-    return folder
+    return whole(path)
 
 
 def test_scenes_with_fewer_demonstrations_repeat_them_and_only_real_ones_are_scored(folder: Folder):
@@ -53,8 +51,8 @@ def test_scenes_that_look_alike_are_judged_by_models_that_saw_neither(tmp_path: 
         noisy = (picture + np.random.default_rng(0).integers(-2, 3, picture.shape)).clip(0, 255).astype(np.uint8)
         write_picture(path / "scenes" / f"{scene} again.png", noisy)
     edit(path, lambda table: pd.concat([table, table.assign(scene=table["scene"] + " again")]))
-    folder, faults = read_folder(path)
-    assert folder is not None and not faults and len(set(folder.arrangements)) == 4
+    folder = whole(path)
+    assert len(set(folder.arrangements)) == 4
     assert "8 scenes show 4 arrangements" in folder.notes[0]
     data = UserData.of("Ana", folder)
     fold = fitting.folds(data)
@@ -95,6 +93,18 @@ def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(fol
         assert ((ends > corner.radius) & (ends < 1 - corner.radius)).all()
     objects.radius[0, 0] = 0.7
     assert kinds.free_place(rng, folder.frame, objects, 0, capsule, P_INIT[None]) is None
+
+
+@pytest.mark.parametrize(
+    ("half", "scenes", "state"), [(0.5, 25, "rising"), (1.0, 25, "flat"), (1.0, 6, "open"), (0.1, 5, "open")]
+)
+def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float, scenes: int, state: str):
+    """No change in 6 scenes proves nothing, nor does any in 5."""
+    keys = ["share", "arrangement", "demo"]
+    judged = pd.MultiIndex.from_product([(1.0, 0.5), range(scenes), range(8)], names=keys).to_frame(index=False)
+    right = np.random.default_rng(1).random(len(judged)) < np.where(judged["share"] == 1, 1.0, half)
+    judged = judged.assign(scene="all", user="Ana", predictor="clearance", valid=True, p=np.where(right, 0.9, 0.1))
+    assert fitting.enough(judged, "clearance")["state"].tolist() == [state]
 
 
 @pytest.mark.parametrize(

@@ -16,12 +16,11 @@ import yaml
 
 from pipeline import library
 from pipeline.own.__main__ import main
-from pipeline.own.folder import read_folder
 from pipeline.own.frame import Frame
 from pipeline.own.recorder.asking import Asking
 from pipeline.own.report import on_the_table
 from pipeline.runtime.places import ROOT
-from tests.own.folders import USERS, add_kind, edit, make_folder
+from tests.own.folders import USERS, add_kind, answer, edit, make_folder, whole
 
 EXAMPLE = ROOT / "examples" / "table"
 HOSTILE = {"Ana": '<script>alert("x")</script>', "Jürgen": "=HYPERLINK(1)$_{2}"}
@@ -140,13 +139,9 @@ def test_the_page_says_what_people_answered_who_quit_early_or_have_odd_names(tmp
     edit(path, lambda table: table.assign(user=table["user"].map({"Ana": "NA", "Jürgen": '🦊 "J"'})))
     add_kind(path, "nan,blue.png,0.12\n")
     (path / "kinds" / "cup").rename(path / "kinds" / "nan")
-    folder, _ = read_folder(path)
-    assert folder is not None
-    asking = Asking(folder, None, 10.0)
+    asking = Asking(whole(path), None, 10.0)
     for user, answers in (("NA", 1), ('🦊 "J"', 20)):
-        told = asking.begin(user=user)
-        for i in range(answers):
-            told = asking.answer(user=user, trial=told["trial"], valid=i % 2 == 0, response_ms=900.0)
+        answer(asking, answers, user)
     fewer_steps(monkeypatch, 20)
     assert main([str(path)]) == 0
     page = html.unescape(re.sub(r"<[^>]+>", "", (path / "report" / "index.html").read_text()))

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.own.folder import Folder, read_folder
+from pipeline.own.folder import read_folder
 from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
 from pipeline.own.seen import ALONE, STACK, TOLD
 from pipeline.perception.empty import empty_table
 from tests.factories import RED, WHITE, draw_table
-from tests.own.folders import SCENES, edit, make_folder, write_picture
+from tests.own.folders import SCENES, edit, make_folder, whole, write_picture
 
 SQUARE = [60.0, 60.0, 80.0, 60.0, 80.0, 80.0, 60.0, 80.0]  # in pictures of 100 x 100 pixels
 
@@ -28,16 +28,14 @@ def coco(*annotations: dict, scene: str = SCENES[0], **image: int) -> str:
     })  # fmt: skip
 
 
-def read(path: Path) -> Folder:
-    folder, faults = read_folder(path)
-    assert folder is not None and not faults, faults
-    return folder
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return make_folder(tmp_path)
 
 
-def test_told_outlines_are_what_models_see_kinds_included(tmp_path: Path):
-    path = make_folder(tmp_path)
+def test_told_outlines_are_what_models_see_kinds_included(path: Path):
     (path / "items.json").write_text(coco({}, {"category_id": 2, "segmentation": [[5, 5, 25, 5, 25, 9]]}))
-    folder = read(path)
+    folder = whole(path)
     seen, told = folder.seen, folder.scenes.index(SCENES[0])
     assert [way for i, way in enumerate(seen.ways) if i != told] == [ALONE] * 3 and seen.ways[told] == TOLD
     objects = seen.objects
@@ -46,38 +44,35 @@ def test_told_outlines_are_what_models_see_kinds_included(tmp_path: Path):
     np.testing.assert_allclose(objects.kinds[told, :2], [[1, 0], [0, 1]])
 
 
-def test_nothing_is_seen_beyond_the_edge_of_a_table_that_is_not_square(tmp_path: Path):
+def test_nothing_is_seen_beyond_the_edge_of_a_table_that_is_not_square(path: Path):
     """A plate that the far edge cuts off colours what continues the picture to the models' square."""
-    path = make_folder(tmp_path)
     (path / "table.yaml").write_text("size_m: [1.0, 0.6]")
     for i, scene in enumerate(SCENES):
         picture = draw_table((0.7, 0.2, 0.05, RED), (0.3 + 0.1 * i, 0.58, 0.1, RED), seed=i)
         write_picture(path / "scenes" / f"{scene}.png", picture[40:])
     edit(path, lambda table: table.assign(y=table["y"].astype(float) * 0.6))
-    seen = read(path).seen
+    seen = whole(path).seen
     assert all(one.ends[:, 1].max() < 0.6 for objects in seen.found for one in objects)
     assert all(len(objects) == 2 for objects in seen.found)
 
 
-def test_a_mask_and_a_capsule_and_a_polygon_tell_the_same(tmp_path: Path):
-    path = make_folder(tmp_path)
+def test_a_mask_and_a_capsule_and_a_polygon_tell_the_same(path: Path):
     mask = np.zeros((100, 100), np.uint16)
     mask[60:80, 60:80] = 300
     (path / "masks").mkdir()
     (path / "masks" / f"{SCENES[1]}.png").write_bytes(cv2.imencode(".png", mask)[1].tobytes())
     (path / "items.json").write_text(coco({}))
     (path / "items.csv").write_text(CAPSULES + f"{SCENES[2]},cup,.7,.3,0,.11284,0\n")
-    folder = read(path)
+    folder = whole(path)
     objects = folder.seen.objects
     for i in map(folder.scenes.index, SCENES[:3]):
         np.testing.assert_allclose(objects.ends[i, 0].mean(0), (0.7, 0.3), atol=0.01)
         assert abs(objects.radius[i, 0] - 0.113) < 0.01
 
 
-def test_a_scene_told_to_be_empty_holds_nothing(tmp_path: Path):
-    path = make_folder(tmp_path)
+def test_a_scene_told_to_be_empty_holds_nothing(path: Path):
     (path / "items.json").write_text(coco())
-    folder = read(path)
+    folder = whole(path)
     assert not folder.seen.objects.present[folder.scenes.index(SCENES[0])].any()
 
 
@@ -102,15 +97,13 @@ def test_a_scene_told_to_be_empty_holds_nothing(tmp_path: Path):
         "a list": ("[]", "is no COCO file"),
     }.values(),
 )
-def test_a_wrong_outline_is_a_fault_with_what_to_do(tmp_path: Path, text: str, fault: str):
-    path = make_folder(tmp_path)
+def test_a_wrong_outline_is_a_fault_with_what_to_do(path: Path, text: str, fault: str):
     (path / "items.json").write_text(text)
     folder, faults = read_folder(path)
     assert folder is None and len(faults) == 1 and fault in faults[0], faults
 
 
-def test_a_damaged_mask_is_a_fault(tmp_path: Path):
-    path = make_folder(tmp_path)
+def test_a_damaged_mask_is_a_fault(path: Path):
     (path / "masks").mkdir()
     content = cv2.imencode(".png", np.random.default_rng(0).integers(0, 3, (100, 100), np.uint8))[1].tobytes()
     (path / "masks" / f"{SCENES[1]}.png").write_bytes(content[: len(content) // 2])
@@ -120,8 +113,7 @@ def test_a_damaged_mask_is_a_fault(tmp_path: Path):
     assert f"masks/{SCENES[1]}.jpg is not read: expected a png" in read_folder(path)[1][0]
 
 
-def test_one_scene_told_twice_is_a_fault(tmp_path: Path):
-    path = make_folder(tmp_path)
+def test_one_scene_told_twice_is_a_fault(path: Path):
     (path / "items.json").write_text(coco({}))
     (path / "items.csv").write_text(CAPSULES + f"{SCENES[0]},cup,.7,.3,0,.1,0\n")
     assert "items.json: items of breakfast stand in items.csv, too" in "".join(read_folder(path)[1])
@@ -158,25 +150,23 @@ def test_a_moved_camera_and_another_light_are_named(tmp_path: Path):
     assert empty is not None and empty.moved == [3] and empty.relit == [7]
 
 
-def test_pictures_that_the_empty_table_does_not_fit_are_read_alone_and_what_never_moves_is_said(tmp_path: Path):
-    path = make_folder(tmp_path)
+def test_pictures_that_the_empty_table_does_not_fit_are_read_alone_and_what_never_moves_is_said(path: Path):
     pictures = arrangements(12)
     for picture in pictures:
         cv2.circle(picture, (60, 60), 24, (200, 60, 40), -1)
     pictures[7] = np.clip(pictures[7] * 0.3, 0, 255)
     for i, picture in enumerate(pictures):
         write_picture(path / "scenes" / f"{i:02}.png", picture)
-    folder = read(path)
+    folder = whole(path)
     ways = dict(zip(folder.scenes, folder.seen.ways, strict=True))
     assert ways["07"] == ALONE and ways["06"] == STACK
     said = " ".join(folder.how_seen)
     assert "The light changed in 07" in said and "items that never move are taken for the table" in said
 
 
-def test_an_empty_table_that_is_another_table_is_not_used(tmp_path: Path):
-    path = make_folder(tmp_path)
+def test_an_empty_table_that_is_another_table_is_not_used(path: Path):
     write_picture(path / "empty.png", draw_table() // 2)
-    folder = read(path)
+    folder = whole(path)
     assert set(folder.seen.ways) == {ALONE} and "The empty table does not fit in" in folder.how_seen[1]
 
 

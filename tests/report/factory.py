@@ -15,16 +15,11 @@ from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_2, DrawnScenes, 
 from pipeline.stages.report import DECISIONS, HISTORY
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
-from tests.factories import RULES
+from tests.factories import MARGINS, RULES
 
 DATA = Path("data")
 catalogue_of = cache(read_catalogue)
 VARIANTS = ("full", "ae", "classifier", "irl_maxent", "irl_ranked", "clearance")
-MARGINS = {
-    "careful": dict.fromkeys(SYMBOLS, 0.045),
-    "normal": dict.fromkeys(SYMBOLS) | {"glass": 0.042},
-    "aggressive": dict.fromkeys(SYMBOLS),
-}
 READINGS, BLIND = ("few_routes_4cm", "few_routes_8cm", "random_routes"), ("nearest_demonstration", "position_only")
 SPLITS = ("seen_scenes", "new_scenes", "new_items")
 N_DEMOS, SEEDS, SCENES, STARTS, STEPS, SIDE = (1, 9), (0, 1), 3, 2, 4, 12

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.runtime.places import ROOT
 
+LATIN = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "PYTHONPATH": str(ROOT)}
 CALLS = [
     (path, node)
     for folder in ("pipeline", "studies", "making", "bench")
@@ -40,15 +41,13 @@ def test_no_code_seeds_the_generators_of_all_devices():
 @pytest.mark.parametrize("end", [r"print('\xfc')", r"raise InputError('\xfc')"])
 def test_what_a_terminal_lacks_is_replaced(end: str):
     code = f"from pipeline.runtime.errors import InputError, reported\nwith reported(): {end}"
-    latin = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "PYTHONPATH": str(ROOT)}
-    ended = subprocess.run([sys.executable, "-c", code], env=latin, capture_output=True, encoding="ascii")
+    ended = subprocess.run([sys.executable, "-c", code], env=LATIN, capture_output=True, encoding="ascii")
     assert (ended.returncode, ended.stdout + ended.stderr) in [(0, "?\n"), (2, "error: ?\n")]
 
 
 @pytest.mark.slow
 def test_commands_speak_to_a_terminal_that_lacks_letters():
     """The example's users are Ana and Jürgen."""
-    latin = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
     command = [sys.executable, "-m", "pipeline.own", "check", "examples/table"]
-    ended = subprocess.run(command, cwd=ROOT, env=latin, capture_output=True, encoding="ascii")
+    ended = subprocess.run(command, cwd=ROOT, env=LATIN, capture_output=True, encoding="ascii")
     assert ended.returncode == 0 and "Ana, J?rgen; no fault" in ended.stdout

@@ -47,10 +47,7 @@ class Regime:
             )
 
 
-REGIMES = {
-    "both matter": Regime(0.03, 0.1, 0.1),
-    "20 scenes decide": Regime(0.0, 0.06, 0.01, informative=20),
-}
+REGIMES = {"both matter": Regime(0.03, 0.1, 0.1), "20 scenes decide": Regime(0.0, 0.06, 0.01, informative=20)}
 
 
 def verdicts(regime: Regime, effect: float) -> np.ndarray:

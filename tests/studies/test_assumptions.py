@@ -9,18 +9,12 @@ from hypothesis import strategies as st
 from numpy.random import default_rng as rng
 
 from pipeline.perception.objects import Objects
-from pipeline.world.layout import Items, Layouts, concatenated, segment_distance
+from pipeline.world.layout import Layouts, concatenated, segment_distance
 from studies.assumptions.origin import inside, true_objects
 from studies.assumptions.stage import NO_SUCH_KIND_M, added_gap, layout_distance, ledger, miss, mistake
 from studies.assumptions.world import GLASS, PLATE, World, association, association_strength, lay_out
-from tests.factories import RULES, least_gaps
+from tests.factories import ROUND_AND_OVAL, RULES, assert_clear
 
-# Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
-ROUND_AND_OVAL = Items(
-    np.tile(np.arange(4), 2),
-    np.array([0.0, 0.0, 0.08, 0.0, 0.0, 0.038, 0.07, 0.015]),
-    np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.054, 0.013, 0.0375]),
-)
 ROUND, OVAL = np.arange(4), np.arange(4, 8)
 WORLD = World(
     root_seed=0, p_common_cause=0.9, doses=[0, 0.9], gap_m=[0.015, 0.04], present=0.8, glasses=2, near_m=0.045
@@ -37,9 +31,7 @@ def drawn(seed: int, scenes: int, pool: np.ndarray, p: float = 0.9) -> Layouts:
 @settings(max_examples=4, deadline=None)
 def test_footprints_in_the_confounded_world_keep_the_clearances(pool, seed):
     layouts = drawn(seed, 4, pool)
-    for scene in range(len(layouts)):
-        apart, away = least_gaps(layouts, scene)
-        assert apart >= RULES.clear_of_items - 1e-5 and away >= RULES.clear_of_ends
+    assert_clear(layouts, items=1e-5, ends=0.0)
     centre = layouts.centre[layouts.present]
     assert ((centre >= RULES.centre_low) & (centre <= RULES.centre_high)).all()
     assert set(layouts.item[layouts.present]) <= set(pool)

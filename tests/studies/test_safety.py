@@ -14,14 +14,7 @@ from pipeline.world.layout import random_layouts
 from pipeline.world.rules import clearance
 from studies.safety import stage
 from studies.safety.stage import main  # noqa: F401  # of the fixture `out`
-from tests.factories import (
-    RULES,
-    labelled_demos,
-    labelled_queries,
-    models_in_rendered_scenes,
-    symbols_added,
-    write_rendered,
-)
+from tests import factories
 
 pytestmark = pytest.mark.slow
 
@@ -35,20 +28,20 @@ SMALL += [f"studies.safety.acceptance.{name}" for name in ("variants=[full,clear
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Ten sparse scenes, as they are and with an added item, demonstrations, queries, and untrained models."""
     root = tmp_path_factory.mktemp("safety")
-    cfg = models_in_rendered_scenes(root, VARIANTS, SCENES, *SMALL)
+    cfg = factories.models_in_rendered_scenes(root, VARIANTS, SCENES, *SMALL)
     OmegaConf.update(cfg, "paths.demos", str(root / "demos"))
     catalogue = read_catalogue(Path(cfg.paths.data))
 
     def draw(seed: int, count: int, items: int, split: str):
-        rules = RULES.model_copy(update={"items_per_scene": (items,), "glasses_chance": (0.5, 0.5)})
+        rules = factories.RULES.model_copy(update={"items_per_scene": (items,), "glasses_chance": (0.5, 0.5)})
         return random_layouts(np.random.default_rng(seed), count, catalogue.footprints, catalogue.pool(split), rules)
 
     layouts = {"new_items": draw(0, SCENES, 1, "unseen"), "new_scenes": draw(9, 5, 3, "train")}
     layouts |= {train_pool(seed): draw(1 + seed, TRAINING, 3, "train") for seed in cfg.protocol.seeds}
-    scenes = write_rendered(cfg, layouts)
-    symbols_added(cfg, scenes, 2)
-    labelled_demos(cfg, scenes)
-    labelled_queries(cfg, scenes, ["new_scenes", "new_items"], 12)
+    scenes = factories.write_rendered(cfg, layouts)
+    factories.symbols_added(cfg, scenes, 2)
+    factories.labelled_demos(cfg, scenes)
+    factories.labelled_queries(cfg, scenes, ["new_scenes", "new_items"], 12)
     prior = {user: np.full((2, 2), 0.7) for user in cfg.evaluate.users}
     write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", prior)
     return cfg

@@ -33,6 +33,15 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return kept
 
 
+@pytest.fixture
+def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """One of Zoë's, in which the test runs."""
+    monkeypatch.chdir(tmp_path)
+    for arguments in (("init", "--quiet"), ("config", "user.name", "Zoë"), ("config", "user.email", "zoe@localhost")):
+        git(tmp_path, *arguments)
+    return tmp_path
+
+
 def test_a_clone_opens_what_git_keeps_and_the_stage_s_files_once_there_are_any(kept: Path, tmp_path: Path) -> None:
     assert find(kept, tmp_path, "full-careful-s3") == kept / "full-careful-s3.rrd"
     (tmp_path / "full-careful-s3.rrd").touch()
@@ -62,19 +71,13 @@ def test_damaged_files_and_other_contents_than_those_listed_are_refused(kept: Pa
         check(kept, tmp_path, "full-careful-s3")
 
 
-def test_the_catalog_has_every_run_with_its_facts_and_links_to_its_worst_scenes(
-    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    git(tmp_path, "init", "--quiet")
-    git(tmp_path, "config", "user.name", "Zoë")
-    git(tmp_path, "config", "user.email", "zoe@localhost")
+def test_the_catalog_has_every_run_with_its_facts_and_links_to_its_worst_scenes(kept: Path, repository: Path) -> None:
     note(kept, NONE, "full-careful-s3", "right", None, "")
     note(kept, NONE, "full-careful-s3", "wrong", 1, 'through the "glass", twice')
-    assert git(tmp_path, "log", "--format=%s %an").splitlines()[0] == "Review of full-careful-s3: wrong Zoë"
-    assert git(tmp_path, "status", "--porcelain") == ""
-    (tmp_path / "ae-normal-s0.rrd").write_text("no recording")
-    broken = {"ae-normal-s0": tmp_path / "ae-normal-s0.rrd"}
+    assert git(repository, "log", "--format=%s %an").splitlines()[0] == "Review of full-careful-s3: wrong Zoë"
+    assert git(repository, "status", "--porcelain") == ""
+    (repository / "ae-normal-s0.rrd").write_text("no recording")
+    broken = {"ae-normal-s0": repository / "ae-normal-s0.rrd"}
     with (
         pytest.raises(InputError, match="no recording of a run can be read"),
         catalog(broken, LAYOUT, reviews(kept), ""),
@@ -97,16 +100,11 @@ def test_the_catalog_has_every_run_with_its_facts_and_links_to_its_worst_scenes(
     assert reviews(kept).empty
 
 
-def test_a_note_that_cannot_be_kept_leaves_the_file_as_it_was(
-    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    for arguments in (("init", "--quiet"), ("config", "user.name", "Zoë"), ("config", "user.email", "zoe@localhost")):
-        git(tmp_path, *arguments)
+def test_a_note_that_cannot_be_kept_leaves_the_file_as_it_was(kept: Path, repository: Path) -> None:
     with pytest.raises(InputError, match=r"scene 9 is none of the worst of full-careful-s3: .* \[0, 1, 2\]"):
         note(kept, NONE, "full-careful-s3", "wrong", 9, "")
     note(kept, NONE, "full-careful-s3", "wrong", 1, "")
-    (hook := tmp_path / ".git/hooks/pre-commit").write_text("#!/bin/sh\nexit 1\n")
+    (hook := repository / ".git/hooks/pre-commit").write_text("#!/bin/sh\nexit 1\n")
     hook.chmod(0o755)
     row = REVIEWED.read_text().splitlines()[1]
     cases = {"": "commit", "<<<<<<< HEAD\n": "marks", f"{row},more\n": "marks", row.replace("wrong", "bad"): "bad"}
@@ -116,7 +114,7 @@ def test_a_note_that_cannot_be_kept_leaves_the_file_as_it_was(
             note(kept, NONE, "full-careful-s3", "right", None, "")
         assert REVIEWED.read_text() == before
         REVIEWED.write_text(before.removesuffix(added))
-    assert git(tmp_path, "status", "--porcelain") == ""
+    assert git(repository, "status", "--porcelain") == ""
 
 
 def test_a_number_is_seen_in_the_least_accurate_run_at_its_scene_or_its_added_item() -> None:

@@ -12,19 +12,9 @@ from scipy.optimize import least_squares
 
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
 from pipeline.world.bezier_fit import fit
-from pipeline.world.hand import ARC_POINTS, Hand, join, simulate
+from pipeline.world.hand import ARC_POINTS, join, simulate
+from tests.world.test_hand import HAND
 
-HAND = Hand(
-    rate_hz=50.0,
-    jitter_s=0.002,
-    speed_m_s=0.35,
-    speed_spread=0.2,
-    tremor_m=0.0007,
-    tremor_hz=[8.0, 12.0],
-    drift_m=0.002,
-    height_m=0.1,
-    height_drift_m=0.01,
-)
 POOR = 0.02  # [m] on LASA's shapes scaled to 1 m: far above a hand's tremor, far below a shape's size
 
 

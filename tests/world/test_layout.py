@@ -7,16 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.world.layout import Items, add_item, point_segment_distance, random_layouts, segment_distance
-from tests.factories import RULES, least_gaps
+from pipeline.world.layout import add_item, point_segment_distance, random_layouts, segment_distance
+from tests.factories import ROUND_AND_OVAL as ITEMS
+from tests.factories import RULES, assert_clear
 
-# Per symbol a training item (0-3) and another one (4-7) that must not be drawn when the pool leaves it out.
-ITEMS = Items(
-    np.tile(np.arange(4), 2),
-    np.array([0.0, 0.0, 0.08, 0.0, 0.0, 0.0, 0.07, 0.0]),
-    np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.08, 0.013, 0.042]),
-)
-POOL = np.arange(4)
+POOL = np.arange(4)  # other items must not be drawn
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -34,9 +29,7 @@ def test_scenes_hold_two_or_three_items_of_the_pool_clear_of_one_another_and_of_
     np.testing.assert_array_equal(ITEMS.symbol[layouts.item[on]], layouts.symbol[on])
     assert (layouts.centre[on] >= RULES.centre_low).all() and (layouts.centre[on] <= RULES.centre_high).all()
     np.testing.assert_allclose(layouts.radius[on], ITEMS.radius[layouts.item[on]] * layouts.scale[on])
-    for scene in range(len(layouts)):
-        apart, away = least_gaps(layouts, scene)
-        assert apart >= RULES.clear_of_items - 1e-9 and away >= RULES.clear_of_ends - 1e-9
+    assert_clear(layouts)
 
 
 @settings(max_examples=6, deadline=None)
@@ -49,9 +42,7 @@ def test_an_added_item_has_its_symbol_is_clear_of_the_rest_and_changes_no_other(
     assert (after.symbol[fresh] == symbol).all()
     for field in fields(before):
         np.testing.assert_array_equal(getattr(after, field.name)[~fresh], getattr(before, field.name)[~fresh])
-    for scene in range(len(after)):
-        apart, away = least_gaps(after, scene)
-        assert apart >= RULES.clear_of_items - 1e-9 and away >= RULES.clear_of_ends - 1e-9
+    assert_clear(after)
 
 
 @settings(max_examples=20, deadline=None)

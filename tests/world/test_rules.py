@@ -8,13 +8,8 @@ from numpy.polynomial import Polynomial
 from pipeline.world.bezier import P_F, P_INIT, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
 from pipeline.world.rules import clear_cases, clearance, slack, valid
-from tests.factories import ITEMS, RULES
+from tests.factories import ITEMS, MARGINS, RULES
 
-USERS = {
-    "careful": dict.fromkeys(SYMBOLS, 0.045),
-    "normal": {**dict.fromkeys(SYMBOLS), "glass": 0.038},
-    "aggressive": dict.fromkeys(SYMBOLS),
-}
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -33,7 +28,7 @@ def test_reflection_in_the_start_goal_diagonal_and_half_a_turn_leave_every_label
     layouts, z = some(seed)
     mirrored = moved(layouts, layouts.centre[..., ::-1], np.pi / 2 - layouts.angle)
     turned = moved(layouts, P_INIT + P_F - layouts.centre, layouts.angle)
-    for margins in USERS.values():
+    for margins in MARGINS.values():
         before = slack(layouts, clearance(layouts, z), margins)
         for same, path in ((mirrored, z[..., ::-1]), (turned, P_INIT + P_F - z)):
             np.testing.assert_allclose(slack(same, clearance(same, path), margins), before, atol=1e-12)
@@ -45,7 +40,7 @@ def test_a_wider_margin_never_makes_a_path_valid(seed, a, b):
     """So whatever satisfies careful satisfies normal; aggressive forbids nothing."""
     layouts, z = some(seed)
     narrow, wide = (valid(layouts, z, dict.fromkeys(SYMBOLS, m)) for m in sorted((a, b)))
-    careful, normal, aggressive = (valid(layouts, z, USERS[user]) for user in ("careful", "normal", "aggressive"))
+    careful, normal, aggressive = (valid(layouts, z, MARGINS[user]) for user in ("careful", "normal", "aggressive"))
     assert not (wide & ~narrow).any() and not (careful & ~normal).any() and aggressive.all()
 
 

@@ -7,9 +7,8 @@ import pytest
 
 from making.render.read import Rendered, read_rendered
 from pipeline.runtime.errors import InputError
-from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import LayoutRules, point_segment_distance, segment_distance
-from tests.factories import composed
+from pipeline.world.layout import LayoutRules
+from tests.factories import assert_clear, composed
 
 FOLDER = Path("rendered/pictures")
 JUDGED = ("validation_taught", "validation_held_out", "test_taught", "test_held_out")  # splits with added items
@@ -31,16 +30,9 @@ def rendered(folder: Path, request: pytest.FixtureRequest) -> Rendered:
 def test_items_keep_the_distances_of_the_layout_rules(rendered):
     rules = LayoutRules.of(composed().scenes.layout)
     for layouts in (rendered.layouts, *rendered.layouts_with_item.values()):
-        ends, radius, present = layouts.ends, layouts.radius, layouts.present
-        centre = layouts.centre[present]
+        centre = layouts.centre[layouts.present]
         assert centre.min() >= rules.centre_low - ROUNDING_M and centre.max() <= rules.centre_high + ROUNDING_M
-        for p in (P_INIT, P_F):
-            gap = point_segment_distance(p, ends[:, :, 0], ends[:, :, 1]) - radius
-            assert gap[present].min() >= rules.clear_of_ends - ROUNDING_M
-        for i in range(1, rules.slots):
-            for j in range(i):
-                gap = segment_distance(ends[:, i], ends[:, j]) - radius[:, i] - radius[:, j]
-                assert gap[present[:, i] & present[:, j]].min(initial=1) >= rules.clear_of_items - ROUNDING_M
+        assert_clear(layouts, rules, ROUNDING_M, ROUNDING_M)
     assert set(rendered.layouts.present.sum(1)) == set(rules.items_per_scene)
 
 

@@ -31,14 +31,8 @@ def fitted(world: tuple[Layouts, np.ndarray], valid: np.ndarray, steps: int = 40
     layouts, z = world
     model = clearance_model()
     model.perceive = lambda images: percept(layouts).float()
-    fit(
-        [model],
-        [np.zeros((SCENES, 100, 100, 3), np.uint8)],
-        [z],
-        [valid],
-        Schedule(steps=steps, rate=0.03, weight_decay=0.0, curve_every=100),
-        [0],
-    )
+    schedule = Schedule(steps=steps, rate=0.03, weight_decay=0.0, curve_every=100)
+    fit([model], [np.zeros((SCENES, 100, 100, 3), np.uint8)], [z], [valid], schedule, [0])
     return model
 
 

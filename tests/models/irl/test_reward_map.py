@@ -6,18 +6,14 @@ import torch
 from pipeline.models.base import to_tensor
 from pipeline.models.irl import reward_map
 from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, path_return, path_weights, transform, turned
-from pipeline.models.trained import build
 from pipeline.perception.background import subtract_background
 from pipeline.world.bezier import curve, lattice
+from tests.factories import reward_model
 
-SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.0, "lattice_side": 12}
 
-
-def drawn(seed: int = 0, **changes) -> RewardMap:
+def drawn() -> RewardMap:
     """An untrained model in float64."""
-    model = build({"kind": "reward", "model": SHAPE | changes}, seed).double()
-    assert isinstance(model, RewardMap)
-    return model
+    return reward_model(0, dropout=0.0, lattice_side=12).double()
 
 
 def maps(scenes: int = 2) -> torch.Tensor:

@@ -30,81 +30,69 @@ def more(*entries: bags.Entry) -> Make:
     return poses(lambda given: [*given, *entries])
 
 
-def cut(make: Make, pattern: str, share: float = 0.6) -> Make:
-    """The file that fits the pattern is truncated."""
+def spoilt(make: Make, spoil: Callable[[Path], object]) -> Make:
+    """The log, after something was done to it."""
 
     def made(path: Path) -> Path:
         log = make(path)
-        file = next(iter(log.rglob(pattern))) if log.is_dir() else log
-        file.write_bytes(file.read_bytes()[: int(share * file.stat().st_size)])
+        spoil(log)
         return log
 
     return made
+
+
+def truncate(file: Path, share: float) -> None:
+    file.write_bytes(file.read_bytes()[: int(share * file.stat().st_size)])
+
+
+def cut(make: Make, pattern: str, share: float = 0.6) -> Make:
+    """The file that fits the pattern is truncated."""
+    return spoilt(make, lambda log: truncate(next(log.rglob(pattern)), share))
 
 
 def without(make: Make, pattern: str) -> Make:
-    def made(path: Path) -> Path:
-        log = make(path)
-        next(iter(log.rglob(pattern))).unlink()
-        return log
-
-    return made
+    return spoilt(make, lambda log: next(log.rglob(pattern)).unlink())
 
 
 def metadata(old: str, new: str) -> Make:
     """A bag whose metadata.yaml says something else."""
 
-    def made(path: Path) -> Path:
-        log = poses()(path)
+    def spoil(log: Path) -> None:
         text = (log / "metadata.yaml").read_text()
         assert old in text
         (log / "metadata.yaml").write_text(text.replace(old, new))
-        return log
 
-    return made
+    return spoilt(poses(), spoil)
 
 
 def lerobot(version: str = "v30", info: Callable[[dict], object] = lambda info: None) -> Make:
     """A data set whose info.json is changed."""
 
-    def made(path: Path) -> Path:
-        log = Path(shutil.copytree(BESIDE / f"lerobot_{version}", path / "log"))
+    def spoil(log: Path) -> None:
         content = json.loads((log / "meta/info.json").read_text())
         info(content)
         (log / "meta/info.json").write_text(json.dumps(content))
-        return log
 
-    return made
-
-
-def no_state(path: Path) -> Path:
-    log = lerobot()(path)
-    (file,) = log.glob("data/*/*")
-    pq.write_table(pq.read_table(file).drop_columns(["observation.state"]), file)
-    return log
+    return spoilt(lambda path: Path(shutil.copytree(BESIDE / f"lerobot_{version}", path / "log")), spoil)
 
 
-def no_positions(path: Path) -> Path:
-    log = lerobot()(path)
-    (file,) = log.glob("data/*/*")
-    table = pq.read_table(file)
-    lost = pa.array([[np.nan] * 4] * len(table), pa.list_(pa.float32()))
-    pq.write_table(table.drop_columns(["observation.state"]).append_column("observation.state", lost), file)
-    return log
+def states(*columns: list) -> Make:
+    """A data set whose table has these columns of states, each row alike, in place of its own."""
+
+    def spoil(log: Path) -> None:
+        (file,) = log.glob("data/*/*")
+        table = pq.read_table(file).drop_columns(["observation.state"])
+        for row in columns:
+            table = table.append_column("observation.state", pa.array([row] * len(table), pa.list_(pa.float32())))
+        pq.write_table(table, file)
+
+    return spoilt(lerobot(), spoil)
 
 
-def empty(path: Path) -> Path:
-    log = lerobot(info=lambda info: info.update(total_episodes=0))(path)
-    shutil.rmtree(log / "data")
-    return log
-
-
-def short_video(path: Path) -> Path:
+def shorten(log: Path) -> None:
     """The video of all episodes is the one of the first alone."""
-    log = lerobot()(path)
     (video,) = log.rglob("*.mp4")
     shutil.copy(next((BESIDE / "lerobot_v21").rglob("episode_000000.mp4")), video)
-    return log
 
 
 def text(content: str, name: str = "log.csv") -> Make:
@@ -123,6 +111,8 @@ def second_camera(info: dict) -> None:
     info["features"]["observation.images.wrist"] = info["features"]["observation.images.top"]
 
 
+NO_EPISODE = lerobot(info=lambda info: info.update(total_episodes=0))
+EMPTY = spoilt(NO_EPISODE, lambda log: shutil.rmtree(log / "data"))
 GREY = np.zeros((8, 8, 3), np.uint8)
 OTHER = (0.0, "/other", bags.posed(0, 0, 0))
 AFTER, WORD = (9.0, *OTHER[1:]), (9.0, "/say", bags.make("std_msgs/String", "so"))
@@ -173,14 +163,14 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("two cameras", lerobot(info=second_camera), "", "images.top, observation.images.wrist"),
     ("a column that is not there", lerobot(), "--columns x=px,y=py", "px, py not among them"),
     ("info without features", lerobot(info=lambda info: info.pop("features")), "", "KeyError: 'features'"),
-    ("a data set without episodes", empty, "", "no recording"),
-    ("parquet without the columns", no_state, "", "no column observation.state"),
-    ("a data set of lost samples", no_positions, "", "no row with a time and a position"),
+    ("a data set without episodes", EMPTY, "", "no recording"),
+    ("parquet without the columns", states(), "", "no column observation.state"),
+    ("a data set of lost samples", states([np.nan] * 4), "", "no row with a time and a position"),
     ("format v3 without its list of episodes", without(lerobot(), "meta/episodes/*/*"), "", "lacks 3 episodes"),
     ("truncated parquet", cut(lerobot(), "data/*/*"), "", "truncated"),
     ("an episode is missing", without(lerobot("v21"), "*1.parquet"), "", "lacks 1 of 3 episodes, the first 1"),
     ("a video is missing", without(lerobot("v21"), "*1.mp4"), "", "episode_000001.mp4"),
-    ("a video that ends early", short_video, "", "ends before 1.6 s"),
+    ("a video that ends early", spoilt(lerobot(), shorten), "", "ends before 1.6 s"),
     ("truncated video", cut(lerobot("v21"), "*.mp4"), "", "cannot be read"),
     ("csv without times", rows("n,x,y"), "", "no times among n, x, y"),
     ("csv without places", rows("t,a,b"), "", "expected a header"),

@@ -14,6 +14,7 @@ from pipeline.own.__main__ import main
 from pipeline.own.folder import read_folder
 from pipeline.runtime.errors import InputError
 from tests.factories import RED, WHITE, draw_table
+from tests.own.folders import whole
 from tests.own.importing import bags
 
 BESIDE = Path(__file__).parent
@@ -161,12 +162,7 @@ DIALECTS = {  # header, delimiter, decimal sign, and t, x, y as written
     "motion capture": ("# tracker 7\n\nframe\ttime_s\tTX\tTY", "\t", ".", lambda t, x, y: (0, t, x * 1e3, y * 1e3)),
     "spaces": ("stamp  pos_x  pos_y", " ", ".", lambda t, x, y: (t * 1e6, x, y)),
     "motion capture with a take": ("Take Name,a\n\nFrame,Time (Seconds),X,Y", ",", ".", lambda t, x, y: (0, t, x, y)),
-    "dates": (
-        "Datetime;X [mm];Y [mm]",
-        ";",
-        ",",
-        lambda t, x, y: (f"2026-11-28T09:00:{t:09.6f}Z", x * 1e3, y * 1e3),
-    ),
+    "dates": ("Datetime;X [mm];Y [mm]", ";", ",", lambda t, x, y: (f"2026-11-28T09:00:{t:09.6f}Z", x * 1e3, y * 1e3)),
     "French": ("temps;x;y", ";", ",", lambda t, x, y: (t, x, y)),
     "quoted": ('"time","x_mm","y_mm"', ",", ",", lambda t, x, y: (t, x * 1e3, y * 1e3)),
 }
@@ -230,8 +226,7 @@ def test_a_bag_for_each_demonstration_becomes_a_folder_that_the_check_accepts(tm
     demos, folder = imported(logs)
     assert read_folder(folder)[0] is None  # for want of labels
     demos.assign(valid=(demos["scene"] < "run2")).to_csv(folder / "demonstrations.csv", index=False)
-    read, faults = read_folder(folder)
-    assert not faults and read is not None and read.scenes == ["run0", "run1", "run2", "run3"]
+    assert whole(folder).scenes == ["run0", "run1", "run2", "run3"]
 
 
 def test_a_folder_that_holds_anything_is_left_as_it_is(tmp_path: Path):

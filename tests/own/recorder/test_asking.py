@@ -15,13 +15,13 @@ from pipeline import library
 from pipeline.own import asked, fitting
 from pipeline.own.__main__ import main as own
 from pipeline.own.asked import Sitting, sittings
-from pipeline.own.folder import Folder, read_folder
+from pipeline.own.folder import Folder
 from pipeline.own.recorder import designing
 from pipeline.own.recorder.asking import Asking, main
 from pipeline.own.recorder.designing import Designing
 from pipeline.own.recorder.placing import Placing
 from pipeline.runtime.errors import InputError
-from tests.own.folders import add_kind, make_folder
+from tests.own.folders import add_kind, answer, make_folder, whole
 
 pytestmark = pytest.mark.slow  # thousands of places are tried for each sitting
 
@@ -32,8 +32,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     path = make_folder(tmp_path_factory.mktemp("asked") / "table")
     add_kind(path, "cup,blue.png,0.12\ntray,blue.png,0.95\n")
     shutil.copytree(path / "kinds" / "cup", path / "kinds" / "tray")
-    folder, faults = read_folder(path)
-    assert folder is not None and not faults
+    folder = whole(path)
     Asking(folder, "Ana", 10.0).begin(user="Ana")
     return folder
 
@@ -45,13 +44,6 @@ def folder(begun: Folder) -> Folder:
     return begun
 
 
-def answer(asking: Asking, count: int, user: str = "Ana") -> dict:
-    told = asking.begin(user=user)
-    for i in range(count):
-        told = asking.answer(user=user, trial=told["trial"], valid=i % 2 == 0, response_ms=1500.0)
-    return told
-
-
 def test_the_sitting_is_written_before_the_first_trial_and_each_answer_before_the_next(folder: Folder):
     content = json.loads((folder.path / "asked" / "001.json").read_text())
     assert {"questions", "rule", "trials", "seed", "user", "digest"} <= content.keys()
@@ -59,7 +51,7 @@ def test_the_sitting_is_written_before_the_first_trial_and_each_answer_before_th
     asking = Asking(folder, None, 10.0)
     told = answer(asking, 7)
     rows = pd.read_csv(folder.path / "asked" / "001.csv")
-    assert rows["valid"].tolist() == [True, False] * 3 + [True] and (rows["response_ms"] == 1500).all()
+    assert rows["valid"].tolist() == [True, False] * 3 + [True] and (rows["response_ms"] == 900).all()
     again = Asking(folder, None, 10.0)  # after a kill
     assert again.begin(user="Ana") == told and told["answered"] == 7
     assert again.undo(user="Ana")["trial"] == rows["trial"].iloc[-1]
@@ -105,8 +97,7 @@ def test_a_changed_folder_keeps_old_answers_apart(folder: Folder, tmp_path: Path
     path = tmp_path / "table"
     shutil.copytree(folder.path, path)
     add_kind(path, "cup,blue.png,0.10\ntray,blue.png,0.95\n")
-    changed, _ = read_folder(path)
-    assert changed is not None
+    changed = whole(path)
     (path / "asked" / "001.csv").write_text("trial,valid,response_ms\n0,True,900\n")
     assert asked.given(folder).kept == [] and asked.given(changed) == ([], 1)
     asking = Asking(changed, None, 10.0)
@@ -114,9 +105,7 @@ def test_a_changed_folder_keeps_old_answers_apart(folder: Folder, tmp_path: Path
 
 
 def test_folders_that_leave_nothing_to_ask_are_refused(tmp_path: Path):
-    path = make_folder(tmp_path / "table")
-    folder, _ = read_folder(path)
-    assert folder is not None
+    folder = whole(path := make_folder(tmp_path / "table"))
     with pytest.raises(InputError, match="nothing to ask Ana: add cut-outs"):
         Asking(folder, None, 10.0).begin(user="Ana")
     with pytest.raises(InputError, match="there is nothing to ask Ana"):
@@ -166,11 +155,7 @@ def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(
     monkeypatch.setitem(library.TRAINING["clearance"], "steps", 5)
     monkeypatch.setattr(fitting, "SHARES", (1.0,))
     asking = Asking(folder, "Ana", 10.0)
-    told = asking.begin(user="Ana")
-    plan = asking.kept["Ana"].plan
-    for _ in range(30):
-        refused = plan["condition"][told["trial"]] == "cup"
-        told = asking.answer(user="Ana", trial=told["trial"], valid=not refused, response_ms=900.0)
+    answer(asking, 30, accepts=lambda trial: asking.kept["Ana"].plan["condition"][trial] != "cup")
     fitted = {"Ana": fitting.fit_user(fitting.UserData.of("Ana", folder), lambda _: None)}
     placing = Placing(folder, "Ana", 10.0)
     told, photograph = placing.begin(user="Ana"), (folder.path / "scenes" / "tea.png").read_bytes()
@@ -204,9 +189,7 @@ def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(
     assert repairs.loc["valid", "share"] == 1 and repairs.loc["valid", "ci_low"] < 1
     for answers in (5, 30):  # gives up after five; always yes
         (folder.path / "asked" / "001.csv").unlink()
-        told = (asking := Asking(folder, "Ana", 10.0)).begin(user="Ana")
-        for _ in range(answers):
-            told = asking.answer(user="Ana", trial=told["trial"], valid=True, response_ms=900.0)
+        answer(Asking(folder, "Ana", 10.0), answers, accepts=lambda _: True)
         effects = asked.tables(folder, fitted, asked.given(folder).kept)["asked_effects"]
         assert (effects["verdict"] == "undecided").all() and not effects["varied"].any()
 

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 import yaml
 
-from pipeline.own.folder import read_folder
 from pipeline.own.recorder.storage import Recordings
 from pipeline.runtime.errors import InputError
+from tests.own.folders import whole
 from tests.own.recorder.factory import CORNERS, DETOUR, GOAL, HEIGHT, START, WIDTH, make_folder, picture, samples
 
 
@@ -33,8 +33,7 @@ def test_the_report_reads_what_the_recorder_wrote(tmp_path: Path):
     for scene in "abcd":
         for valid in (True, False):
             draw(recordings, valid, scene)
-    folder, faults = read_folder(recordings.folder)
-    assert faults == [] and folder is not None and len(folder.demos) == 8
+    assert len(whole(recordings.folder).demos) == 8
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,10 @@ import pytest
 import torch
 
 from pipeline.models.irl.reward_map import RewardMap
-from pipeline.models.trained import build
 from pipeline.training.irl.augment import ColorJitter
 from pipeline.training.irl.fit import IrlSchedule, fit, logistic, maxent, ranked
+from tests.factories import reward_model
 
-SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.1, "lattice_side": 10}
 JITTER = ColorJitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.5)
 
 
@@ -19,12 +18,6 @@ def schedule(**changes) -> IrlSchedule:
         "color_jitter": JITTER,
     }  # fmt: skip
     return IrlSchedule(**(values | changes))
-
-
-def drawn(seed: int = 0, **changes) -> RewardMap:
-    model = build({"kind": "reward", "model": SHAPE | changes}, seed)
-    assert isinstance(model, RewardMap)
-    return model
 
 
 def fit_one(model: RewardMap, images, z, valid, objective: str, settings: IrlSchedule, seed: int):
@@ -64,7 +57,7 @@ def test_ranking_compares_each_valid_path_with_each_invalid_one_of_all_scenes():
 def test_a_model_depends_on_its_seed_and_not_on_those_fitted_before_it():
     results = []
     for scenes, seed in ((5, 1), (5, 1), (4, 1), (5, 1), (5, 2)):  # appearances drawn, cached, replaced, drawn again
-        model = drawn(1)
+        model = reward_model(1)
         fit_one(model, *world(scenes), "ranked", schedule(), seed)
         results.append([value.numpy() for value in model.state_dict().values()])
     same = [all(np.array_equal(x, y) for x, y in zip(results[0], other, strict=True)) for other in results]
@@ -75,7 +68,7 @@ def test_a_model_depends_on_its_seed_and_not_on_those_fitted_before_it():
 @pytest.mark.parametrize(("objective", "least"), [("maxent", 0.7), ("ranked", 0.9)])
 def test_fitting_ranks_valid_paths_above_invalid_ones(objective, least):
     images, z, valid = world(12, 9)
-    model = drawn(0)
+    model = reward_model(0)
     curve = fit_one(model, images, z, valid, objective, schedule(steps=30), 0)
     assert curve[-5:, 1].mean() < curve[:5, 1].mean()
     p = model.probability(images, z)

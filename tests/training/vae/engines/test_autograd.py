@@ -11,7 +11,7 @@ from pipeline.models.base import to_tensor
 from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.training.vae.engines import engine, fit_batch
-from tests.factories import WEIGHTS, vae
+from tests.factories import WEIGHTS, noise_demos, vae
 
 GOLDEN = Path(__file__).parents[3] / "golden"
 SHORT = Schedule(steps=20, rate=2e-3, weight_decay=0.01, curve_every=5)
@@ -27,14 +27,6 @@ def discs(scenes: int = 4, n: int = 5):
     images = np.where(disc[..., None], 230, 90).repeat(3, -1).astype(np.uint8)
     z_theta = rng.uniform(-0.2, 1.2, (scenes, n, 2))
     return images, z_theta, z_theta[..., 0] < centre[:, :1]
-
-
-def noise_data(seed: int, n: int, scenes: int = 3):
-    """Noise for images and paths; the first two demonstrations differ."""
-    rng = np.random.default_rng(seed)
-    valid = rng.random((scenes, n)) < 0.4
-    valid.flat[:2] = False, True
-    return rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8), rng.uniform(-0.2, 1.2, (scenes, n, 2)), valid
 
 
 @pytest.mark.parametrize("variant", WEIGHTS)
@@ -70,7 +62,7 @@ def test_models_of_any_n_take_the_steps_of_equation_1_in_double_precision(varian
     schedule = Schedule(steps=3, rate=2e-3, weight_decay=0.01, curve_every=1)
     ours = [vae(seed).double() for seed in range(len(NS))]
     theirs = copy.deepcopy(ours)
-    sets = [noise_data(seed, n) for seed, n in enumerate(NS)]
+    sets = [noise_demos(seed, n=n) for seed, n in enumerate(NS)]
     images, z_theta, valid = zip(*sets, strict=True)
     curves = fit_batch(ours, images, z_theta, valid, WEIGHTS[variant], schedule, range(len(NS)))
     for seed, (model, plain) in enumerate(zip(ours, theirs, strict=True)):

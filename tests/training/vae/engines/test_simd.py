@@ -21,7 +21,7 @@ from pipeline.training.vae.engines import fit_batch
 from pipeline.training.vae.engines import simd_kernels as lanes
 from pipeline.training.vae.engines.simd import Stack, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES
-from tests.factories import WEIGHTS, vae
+from tests.factories import WEIGHTS, noise_demos, vae
 
 SHORT = Schedule(steps=6, rate=2e-3, weight_decay=0.01, curve_every=4)
 ROOT = Path(__file__).resolve().parents[4]
@@ -40,18 +40,10 @@ def with_small_logits(seed: int, shape: str) -> BetaVae:
     return model
 
 
-def data(seed: int, scenes: int = 3, n: int = 4):
-    """Dark noise for images, for the gradients of grey cancel; one path in four is valid, the first is not."""
-    rng = np.random.default_rng(seed)
-    valid = rng.random((scenes, n)) < 0.25
-    valid.flat[:2] = False, True
-    return rng.integers(0, 128, (scenes, 100, 100, 3), dtype=np.uint8), rng.uniform(-0.2, 1.2, (scenes, n, 2)), valid
-
-
 def stacked(seeds, variant: str = "full", n: Sequence[int] = (4,) * LANES):
     """A model for each of the seeds, on its n, trained together; and their learning curves."""
     models = [vae(seed) for seed in seeds]
-    images, z_theta, valid = zip(*(data(seed, n=own) for seed, own in zip(seeds, n, strict=False)), strict=True)
+    images, z_theta, valid = zip(*(noise_demos(seed, n=own) for seed, own in zip(seeds, n, strict=False)), strict=True)
     return models, fit_stack(models, images, z_theta, valid, WEIGHTS[variant], SHORT, seeds)
 
 
@@ -62,7 +54,7 @@ def stacked(seeds, variant: str = "full", n: Sequence[int] = (4,) * LANES):
 )
 def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n_demos):
     models, n_demos = [with_small_logits(seed, shape) for seed in range(LANES)], (n_demos * LANES)[:LANES]
-    images, z_theta, valid = zip(*(data(lane, 20, n_demos[lane]) for lane in range(LANES)), strict=True)
+    images, z_theta, valid = zip(*(noise_demos(lane, 20, n_demos[lane]) for lane in range(LANES)), strict=True)
     images, z_theta, valid = (np.stack(a, -1) for a in (images, pad_demonstrations(z_theta), pad_demonstrations(valid)))
     for lane, model in enumerate(models):
         model.standardise(images[..., lane])
@@ -91,7 +83,7 @@ def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n_de
 def test_a_step_is_that_of_the_autograd_engine_and_constants_stand_beside():
     once = Schedule(steps=4, rate=2e-3, weight_decay=0.01, curve_every=1)
     ours, theirs, checkpoints = [vae(1), vae(2)], [vae(1), vae(2)], [Checkpoints([0, 2]), Checkpoints([0, 2])]
-    images, z_theta, valid = zip(data(1), data(2, n=2), strict=True)
+    images, z_theta, valid = zip(noise_demos(1), noise_demos(2, n=2), strict=True)
     arguments = images, z_theta, (valid[0], np.ones_like(valid[1])), WEIGHTS["full"], once, [7, 8]
     curves = fit_stack(ours, *arguments, checkpoints[0]), fit_batch(theirs, *arguments, checkpoints[1])
     for i, (model, other) in enumerate(zip(ours, theirs, strict=True)):
