@@ -53,12 +53,12 @@ def fewer_levels(image: Array) -> Array:
     return (image & 0xF8) | 4
 
 
-def draw_path(axes: Axes, z_theta: Array, colour: str, width: float = 2.5, linestyle: Any = "-") -> None:
-    """Draw the Bezier path of one control point [m], with a dark outline for contrast on any table top."""
+def draw_path(axes: Axes, z_theta: Array, colour: str, width: float = 2.5, rim: str = "#111417", **line: Any) -> None:
+    """Draw the Bezier path of one control point [m], with an outline for contrast on any table top."""
     parabola = Path([P_INIT, np.asarray(z_theta, float), P_F], [Path.MOVETO, Path.CURVE3, Path.CURVE3])
     style = {"facecolor": "none", "capstyle": "butt"}
-    axes.add_patch(PathPatch(parabola, edgecolor="#111417", linewidth=width + 1.6, alpha=0.6, **style))
-    axes.add_patch(PathPatch(parabola, edgecolor=colour, linewidth=width, linestyle=linestyle, **style))
+    axes.add_patch(PathPatch(parabola, edgecolor=rim, linewidth=width + 1.6, alpha=0.6, **style))
+    axes.add_patch(PathPatch(parabola, edgecolor=colour, linewidth=width, **line, **style))
     axes.plot(*P_INIT, "o", *P_F, "s", color="white", markersize=4.5, markeredgecolor="#111417")
     axes.set(xlim=(0, 1), ylim=(0, 1))
 

@@ -120,19 +120,27 @@ def drawn(results: Results) -> Figure:
 
 
 def steps(results: Results) -> Figure:
-    """Draw the gradient steps of the paper's model from one start a scene, dark to light: a row for each user."""
+    """Draw gradient steps of the paper's model from one start a scene, one each seventh of the way: a row a user."""
     users, of = list(results.users), results.table("repairs")
     of = of[(of["method"] == "same_starts") & (of["variant"] == "full") & (of["seed"] == results.seeds[0])]
     scenes = of["scene"].unique()[:3].tolist()
     titles, names = [f"scene {scene}" for scene in scenes], [f"{user} user" for user in users]
     figure, axes = panels(len(users), len(scenes), 3.2 * len(scenes), 3.3 * len(users), titles, names)
+    shades = [to_hex(hue) for hue in matplotlib.colormaps["Blues_r"](np.linspace(0, 0.75, 8))]
     for line, user in zip(axes, users, strict=True):
         starts = of.loc[of["user"] == user, "scene"].to_numpy()
         for panel, scene in zip(line, scenes, strict=True):
             draw_table(panel, results.drawn.images[scene], results.drawn.layouts, scene, results.users[user])
-            for points in results.paths[f"same_starts-{user}"][starts == scene][:1]:
-                for point, shade in zip(points, np.linspace(0, 1, len(points)), strict=True):
-                    draw_path(panel, point, to_hex(matplotlib.colormaps["copper"](shade)), width=1.2)
+            points = results.paths[f"same_starts-{user}"][starts == scene][0]
+            moved = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=-1).cumsum()
+            points = points[np.searchsorted(moved, moved[-1] * np.arange(8) / 7)]
+            for point, shade in zip(points[1:-1], shades[1:-1], strict=True):
+                draw_path(panel, point, shade, 1.4, rim="none")
+            draw_path(panel, points[-1], shades[-1])
+            draw_path(panel, points[0], shades[0], rim="white")
+    ends = (shades[0], 2.5, "start"), (shades[3], 1.4, "steps between"), (shades[-1], 2.5, "end")
+    handles = [Line2D([], [], color=shade, linewidth=width, label=name) for shade, width, name in ends]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
 

@@ -213,6 +213,6 @@ def in_brackets(row: Mapping[str, Any], column: str, write: Callable[[Any], str]
     for low, high in ENDS:
         ends: list[Any] = [row.get(f"{column}, {end}") for end in (low, high)]
         if None not in ends:
-            between = "–" if min(map(float, ends)) >= 0 else " to "
-            return f" [{between.join(write(float(end)).partition(chr(0xA0))[0] for end in ends)}]"
+            texts = [write(float(end)).partition(chr(0xA0))[0] for end in ends]
+            return f" [{('–' if all(text[0].isdigit() for text in texts) else ' to ').join(texts)}]"
     return ""
