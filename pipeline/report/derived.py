@@ -220,6 +220,14 @@ def margins(results: Results) -> pd.DataFrame:
     return rows.astype(dict.fromkeys(SYMBOLS, float)).assign(valid=valid, paper=paper)
 
 
+def loss_shares(results: Results) -> pd.DataFrame:
+    """Return the share of each term in the paper's loss after training, mean of the seeds, for each judged user."""
+    loss = results.table("loss")
+    loss = loss[(loss["n_demos"] == results.main_n_demos) & loss["user"].isin(results.judged_users)]
+    last = loss.groupby("user").last()
+    return last[["reconstruction", "kl", "classification"]].div(last["total"], axis=0).reset_index()
+
+
 def reactions(results: Results) -> pd.DataFrame:
     """Return what each user reacts to: the effect of each added item by the truth, by models, and without an image."""
     truth, answers = _answers(results, "add")

@@ -58,6 +58,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write index.html and its pages, page.css, figures/*.svg, tables/*.csv, provenance.json and metrics.json."""
     scenes = read_scenes(Path(cfg.paths.scenes))
     tables = {name: read_table(Path(cfg.paths[stage]) / file) for name, (stage, file) in TABLES.items()}
+    if "full" in cfg.variants:
+        tables["loss"] = read_table(model_dir(cfg, "full") / "curves.csv")
     tables["seeds"] = headlines(cfg, Path(), ("evaluate", "repair"))
     tables["judged"] = _judged(cfg, scenes)
     tables["slices"] = by_slice(tables["judged"])
@@ -96,6 +98,7 @@ def _sources(cfg: DictConfig) -> dict[str, Source]:
     files: dict[str, Source] = {n: [(stage, Path(cfg.paths[stage]) / file)] for n, (stage, file) in TABLES.items()}
     files |= {name: [("docs/decisions", DECISIONS / file)] for name, file in HISTORY.items()}
     files["seeds"] = [("evaluate", Path(cfg.paths.evaluate) / "accuracy.parquet"), *files["repairs"]]
+    files["loss"] = [("train@full", model_dir(cfg, "full") / "curves.csv")] if "full" in cfg.variants else []
     shown = compared(cfg)
     judged = [(f"{cfg.variants[v].stage}@{v}", model_dir(cfg, v) / "predictions.parquet") for v in shown]
     files["judged"] = files["slices"] = [("demos", Path(cfg.paths.demos) / "queries.npz"), *judged]
