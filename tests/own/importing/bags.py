@@ -59,9 +59,9 @@ def image(t: float, pixels: np.ndarray, encoding: str) -> Any:
         data = cv2.imencode(f".{encoding}", bgr)[1].ravel()
         return make("sensor_msgs/CompressedImage", header(t, "camera"), encoding, data)
     alpha = np.full((*pixels.shape[:2], 1), 255, np.uint8)
-    row, column = np.indices(pixels.shape[:2]) % 2
+    odd = np.indices(pixels.shape[:2]) % 2  # of row and column
     kinds = {"rgb8": pixels, "bgr8": bgr, "rgba8": np.concatenate([pixels, alpha], -1), "mono8": pixels[..., :1]}
-    kinds |= {"8UC3": bgr, "bayer_grbg8": np.take_along_axis(pixels, (1 - column + row)[..., None], -1)}
+    kinds |= {"8UC3": bgr, "bayer_grbg8": np.take_along_axis(pixels, (1 - odd[1] + odd[0])[..., None], -1)}
     rows = np.pad(kinds.get(encoding, pixels).reshape(len(pixels), -1), ((0, 0), (0, 4)))
     return make("sensor_msgs/Image", header(t, "camera"), *pixels.shape[:2], encoding, 0, rows.shape[1], rows.ravel())
 
