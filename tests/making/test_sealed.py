@@ -13,7 +13,6 @@ def test_each_byte_of_the_expectations_and_the_name_decide_a_seed():
     assert seeds == [1299601150, 1221, 580985977, 1791]
 
 
-@pytest.mark.skipif(not EXPECTATIONS.is_file(), reason="nothing is sealed yet")
 def test_every_sealed_draw_has_the_seed_of_the_committed_expectations():
     expectations = EXPECTATIONS.read_bytes()
     assert drawn() == {draw: sealed_seed(expectations, draw) for draw in drawn()}
