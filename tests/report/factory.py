@@ -111,6 +111,7 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
         "demos": demos.assign(z_x=0.3 * demos["demo"], z_y=0.9 - 0.3 * demos["demo"], valid=demos["demo"] > 0),
         "convergence": grid(variant=[v for v in ("full", "ae") if v in variants]).assign(
             reconstruction_over_flat=2.2, own_demonstrations=0.9, passed=0.0),
+        "loss": grid(user=users, n_demos=N_DEMOS).assign(reconstruction=1.0, kl=1.0, classification=2.0, total=4.0),
         "judged": paths,
         "slices": by_slice(paths),
     }  # fmt: skip
