@@ -10,7 +10,6 @@ from numpy import ndarray as Array
 from pipeline.causal.interventions import NONE, PAPER, TRUTH
 from pipeline.report.results import PAPER_TABLE_1, PAPER_TABLE_2, Results, paper_accuracy
 from pipeline.report.style import label
-from pipeline.stats.tests import verdict
 from pipeline.world.bezier import curve
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import Margins, clearance, slack
@@ -21,7 +20,6 @@ NOTHING = "nothing to avoid"  # slice of paths in scenes without an item that th
 SLICES = {"user": "user", "nearest": "kind of item nearest", "items": "items on the table", "table_top": "table top"}
 SLICES |= {"distance": "distance to the boundary"}
 MIN_PATHS = 20  # fewest paths in a bin of stated probabilities that is drawn
-SMALLEST = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08)  # smallest effects of interest to compare
 REACTS = ("full", "clearance")  # models whose reactions to users are shown
 TABLE_2: dict[str, Any] = {"columns": {"source": "Source", "user": "User", "mean": ""}, "across": "change"}
 TABLE_2 |= {"formats": {"": "rate"}, "quartiles": True, "bold": "bold", "beyond": "beyond"}  # how bold.csv is shown
@@ -195,21 +193,6 @@ def score(results: Results) -> pd.DataFrame:
     rows.append(("A model that never sees the image", results.image_blind_right(), results.image_blind_right("user")))
     rows.append(("Questions", results.questions(), results.questions("user")))
     return pd.DataFrame(rows, columns=["variant", "added", "user"])
-
-
-def sensitivity(results: Results) -> pd.DataFrame:
-    """Return each model's number of right verdicts on added items for several smallest effects of interest.
-
-    The truth stays as it is judged at the limit fixed in advance.
-    """
-    rows = []
-    for variant in results.variants:
-        asked = results.asked("add", variant)
-        numbers = list(asked[["ci_low", "ci_high", "ci90_low", "ci90_high"]].itertuples(index=False))
-        given = {s: [verdict(*x, smallest=s) for x in numbers] for s in SMALLEST}
-        right = {f"{s:.2f}": sum(asked["truth_verdict"] == said) for s, said in given.items()}
-        rows.append({"variant": variant} | right)
-    return pd.DataFrame(rows)
 
 
 def margins(results: Results) -> pd.DataFrame:

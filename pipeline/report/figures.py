@@ -20,7 +20,7 @@ from pipeline.report import style
 from pipeline.report.derived import failing, worst_scenes
 from pipeline.report.drawing import draw_map, draw_path, draw_table, fewer_levels, outline_table, panels
 from pipeline.report.results import Results
-from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW, curve, lattice
+from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW, lattice
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.rules import valid
 
@@ -91,32 +91,6 @@ def _png(pixels: Array) -> str:
     """Return grey or BGR pixels as the data URI of a PNG."""
     _, encoded = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     return "data:image/png;base64," + base64.b64encode(encoded.tobytes()).decode()
-
-
-def drawn(results: Results) -> Figure:
-    """Draw the first repair in each mapped scene, one row per user: the start, and each shown model's end.
-
-    An end that is truly invalid has a cross.
-    """
-    users, scenes, layouts = results.repaired_users, results.drawn.mapped, results.drawn.layouts
-    cross: Any = {"marker": "X", "color": "white", "markersize": 11, "markeredgecolor": "black", "linestyle": ""}
-    figure, axes = panels(len(users), len(scenes), 3.9 * len(scenes), 4.0 * len(users))
-    for line, user in zip(axes, users, strict=True):
-        for panel, scene in zip(line, scenes, strict=True):
-            draw_table(panel, results.drawn.images[scene], layouts, scene, results.users[user])
-            panel.set_title(f"{user} user, scene {scene}")
-            traces = _traces(results, user, scene, results.shown)
-            if not traces:
-                panel.set_xlabel("no invalid path")
-            _draw_repairs(panel, traces)
-            for steps in traces.values():
-                if not valid(layouts[[scene]], steps[None, -1:], results.users[user])[0, 0]:
-                    panel.plot(*curve(steps[-1], 81)[40], **cross)  # in the middle of the path
-    handles = [Line2D([], [], color=style.START, linewidth=3, linestyle="--", label="start")]
-    handles += [Line2D([], [], color=style.colour(v), linewidth=3, label=style.label(v)) for v in results.shown]
-    handles.append(Line2D([], [], label="ends invalid", **cross))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-    return figure
 
 
 def steps(results: Results) -> Figure:
