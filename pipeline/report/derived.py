@@ -1,6 +1,6 @@
 """Tables that the paper's pages show and no stage writes: paths by slices, and rows put beside others."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,12 +23,24 @@ MIN_PATHS = 20  # fewest paths in a bin of stated probabilities that is drawn
 REACTS = ("full", "clearance")  # models whose reactions to users are shown
 TABLE_2: dict[str, Any] = {"columns": {"source": "Source", "user": "User", "mean": ""}, "across": "change"}
 TABLE_2 |= {"formats": {"": "rate"}, "quartiles": True, "bold": "bold", "beyond": "beyond"}  # how bold.csv is shown
+TABLE_2["note"] = lambda row: rests_on(row)
 TABLE_2["words"] = {
     "source": lambda name: {PAPER: "The paper, as printed", TRUTH: "Truth in our world"}.get(name) or label(name),
     "change": lambda name: "No intervention" if name == NONE else name.capitalize(),
 }
 POINTS = 65  # points along a path of which its length is the sum
 WORST = 5  # scenes shown, those with most errors
+
+
+def rests_on(row: Mapping[str, Any]) -> str:
+    """Return what a number of Table 2 rests on: the change, its 95 % interval, corrected p, and what is chance."""
+    if row["source"] == PAPER:
+        return "as printed"
+    chance = "scenes and items are chance" if row["source"] == TRUTH else "training sets, scenes and items are chance"
+    if pd.isna(row["p_holm"]):
+        return chance
+    ends = f"95 % interval {row['ci_low']:+.3f} to {row['ci_high']:+.3f}, p {row['p_holm']:.2g} after Holm"
+    return f"change {row['effect']:+.3f}, {ends}; {chance}"
 
 
 def describe(layouts: Layouts, z_theta: Array, margins: Margins, table_tops: Sequence[str]) -> pd.DataFrame:

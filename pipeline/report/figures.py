@@ -35,11 +35,13 @@ SAMPLES = 12  # paths sampled from a map
 def overview(results: Results) -> Figure:
     """Draw one row per user: the image with repairs, true map, each model's map, and the last one on a patterned top.
 
-    The scene is the first one in which the users' true maps differ. Titles give the share of a map that is right.
+    The scene is the first one in which the users' true maps differ and each has a path to repair, if there is one.
+    Titles give the share of a map that is right.
     """
     drawn, users, shown = results.drawn, results.repaired_users, results.pictured
     differ = np.mean(drawn.truth[users[0]] != drawn.truth[users[-1]], axis=(1, 2)) > LEAST_DIFFERENCE
-    place = int(differ.argmax())
+    starts = results.table("repairs").query("method == 'gradient'").groupby("scene")["user"].nunique()
+    place = int((differ + 2 * (starts.reindex(drawn.mapped, fill_value=0) == len(users)).to_numpy()).argmax())
     scene = drawn.mapped[place]
     figure, axes = panels(len(users), 4 + len(shown), 2.15 * (4 + len(shown)), 2.5 * len(users))
     for line, user in zip(axes, users, strict=True):
@@ -55,6 +57,7 @@ def overview(results: Results) -> Figure:
             panel.set_title(f"{style.label(variant)}: {np.mean((by_user[user][place] > 0.5) == truth):.0%}")
         draw_table(line[-2], drawn.patterned[place])
         line[-2].set_title(f"The same on {results.facts['patterned_top']}")
+    _name_repairs(figure, shown)
     return figure
 
 
@@ -133,11 +136,19 @@ def _traces(results: Results, user: str, scene: int, variants: list[str]) -> dic
 
 
 def _draw_repairs(axes: Axes, traces: Mapping[str, Array]) -> None:
-    """Draw the starts of repairs (yellow, dashed) and each variant's end."""
-    for variant, points in traces.items():
-        draw_path(axes, points[-1], style.colour(variant))
+    """Draw the starts of repairs (yellow, dashed) and each variant's end, the first ones widest: ends may coincide."""
+    for i, (variant, points) in enumerate(traces.items(), start=1):
+        rim = {} if i == 1 else {"rim": "none"}
+        draw_path(axes, points[-1], style.colour(variant), 2.5 * (len(traces) - i + 1), **rim)
     for points in list(traces.values())[:1]:
         draw_path(axes, points[0], style.START, linestyle=(0, (3, 1.5)))
+
+
+def _name_repairs(figure: Figure, variants: list[str], *more: Line2D) -> None:
+    """Add the legend of `_draw_repairs`, and more."""
+    handles = [Line2D([], [], color=style.START, linewidth=3, linestyle="--", label="start")]
+    handles += [Line2D([], [], color=style.colour(v), linewidth=3, label=style.label(v)) for v in variants]
+    figure.legend(handles=[*handles, *more], loc="outside lower center", ncols=len(handles) + len(more))
 
 
 def one_scene(results: Results) -> Figure:

@@ -21,6 +21,7 @@ class Traced(float):
     """A number that knows which cell of which table it is; a page shows that on hover."""
 
     source: tuple[str, str, dict[str, Any]]  # table, column, and the values that select the row
+    note: str = ""  # what it rests on, if not on all seeds
 
     def __new__(cls, number: float, table: str, column: str, where: Mapping[str, Any]):
         """Return the number with its source."""
@@ -144,6 +145,7 @@ def rows_of(
     beyond: str = "",
     across: str = "",
     gaps: Collection[str] = (),
+    note: Callable[[Mapping[str, Any]], str] | None = None,
 ) -> tuple[pd.DataFrame, dict[str, str]]:
     """Return rows of a table of results under other titles, and the format of each numeric column.
 
@@ -154,7 +156,8 @@ def rows_of(
     without X's name belong to the first column of fractions. So do `bold` (a truth value, or a p that is to be below
     0.05) and `beyond` (a dagger). across: a column of which each value gets its own columns of the fractions; the other
     columns come first, and name the rows; a row without some value has a dash there. gaps: titles of columns whose
-    missing numbers cannot exist and are shown as a dash. Raise InputError for any other that is missing or not finite.
+    missing numbers cannot exist and are shown as a dash. note: what a row's numbers rest on, shown on hover. Raise
+    InputError for any other number that is missing or not finite.
     """
     frame, words = chosen(data, table, where), words or {}
     source = table.__name__ if callable(table) else data.source(table)
@@ -183,6 +186,8 @@ def rows_of(
         for name in fractions:
             title = _joined(head, columns[name])
             line[title] = Traced(float(row[name]), source, name, at) if pd.notna(row[name]) else None
+            if note and line[title] is not None:
+                line[title].note = note(row)
             for part, own in marks[name].items():
                 is_p = (part, type(row[own])) == ("bold", float)
                 line[f"{title}, {part}"] = row[own] < SIGNIFICANT if is_p else row[own]

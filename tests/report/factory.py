@@ -137,7 +137,8 @@ def _bold(variants: Sequence[str], users: Sequence[str]) -> pd.DataFrame:
     bold = [(user, change) in PAPER_BOLD and LEVEL.get(source, 1.0) >= 0.6 for source, user, change in rows.to_numpy()]
     cells = zip(rows["user"], rows["change"].where(bold, "none"), strict=True)
     rows = around(rows, np.array([float(PAPER_TABLE_2.loc[cell]) for cell in cells])).assign(bold=bold, beyond=bold)
-    rows.loc[rows["source"] == "the paper", ["q1", "q3"]] = np.nan
+    rows = rows.assign(effect=-0.15 * rows["bold"], p_holm=np.where(rows["change"] == "none", np.nan, 0.01))
+    rows.loc[rows["source"] == "the paper", ["q1", "q3", "p_holm"]] = np.nan
     return rows
 
 

@@ -104,6 +104,15 @@ def test_the_site_is_small_and_every_table_says_what_it_is_from(site: Site):
 
 
 @pytest.mark.slow
+def test_a_cell_of_table_2_says_on_hover_what_it_rests_on(site: Site):
+    said = re.findall(r'title="bold, mean: source (.*?), user careful, change (bowl|none); (.*?)"', site.pages["index"])
+    notes = {(source, change): note for source, change, note in said}
+    assert notes["the paper", "bowl"] == "as printed"
+    assert notes["truth", "none"] == "scenes and items are chance"
+    assert re.fullmatch(r"change -0\.150, 95 % .*p 0\.01 after Holm; training sets.*", notes["clearance", "bowl"])
+
+
+@pytest.mark.slow
 def test_every_page_renders_from_the_committed_tables():
     site = render(factory.results(**{name: pd.read_csv(ROOT / f"reports/tables/{name}.csv") for name in SOURCES}))
     for page in site.pages.values():
