@@ -76,6 +76,8 @@ def test_nothing_that_is_shown_tells_the_condition(folder: Folder):
     assert len({frozenset(keys) for several in shown.values() for keys, *_ in several}) == 1
     sizes = {picture[16:24] for several in shown.values() for *_, picture in several}  # width and height of a PNG
     assert len(sizes) == 1, "pictures differ in what they show alone"
+    points = {count for several in shown.values() for _, count, _ in several}
+    assert points == {fitting.REPAIRED_POINTS}, "a path as a hand drew it is no repair"
 
 
 def test_two_windows_two_people_and_a_time_that_is_over(folder: Folder):
