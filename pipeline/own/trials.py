@@ -108,8 +108,8 @@ def repairs(folder: Folder, user: str, rng: np.random.Generator) -> dict[str, di
         lines = {ORIGINAL: folder.frame.to_table(bezier(controls[0], POINTS)), REPAIR: end[["x", "y"]].to_numpy()}
         lines[DETOUR] = detour(folder, folder.scenes.index(row.scene), controls[0], rng)
         for role, line in lines.items():
-            points = line.round(4).tolist()
-            made[f"{role} {row.scene} {row.demo}"] = {"scene": row.scene, "role": role, "points": points}
+            path = {"scene": row.scene, "role": role, "points": line.round(4).tolist()}
+            made[f"{role} {row.scene} {row.demo}"] = path
     return made
 
 
