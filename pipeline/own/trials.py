@@ -11,10 +11,10 @@ from numpy import ndarray as Array
 
 from pipeline.causal import experiment
 from pipeline.causal.experiment import LOOKS, NEAR_M, STICKER, UNCHANGED
-from pipeline.own import files, kinds
+from pipeline.own import kinds
 from pipeline.own.asked import DETOUR, ORIGINAL, REPAIR, STICKER_M, VALID, digest, sticker
-from pipeline.own.demonstrations import read_samples
-from pipeline.own.files import KEY, KINDS, Faults
+from pipeline.own.files import KEY, KINDS
+from pipeline.own.fitting import REPAIRED_POINTS as POINTS
 from pipeline.own.folder import Folder
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
@@ -22,7 +22,6 @@ from pipeline.world.bezier import bezier
 from pipeline.world.layout import segment_distance
 from pipeline.world.rules import line_clearance
 
-POINTS = 60  # of a path that is shown
 QUARTERS = 4  # of NEAR_M over which near places are spread evenly
 MOST_PLACES = 200  # free places that are tried for one trial
 REPAIRS = 6  # invalid demonstrations whose repair, detour and original are judged
@@ -78,20 +77,16 @@ def prepare(folder: Folder, user: str, seed: str) -> dict[str, Any]:
 
 
 def accepted_paths(folder: Folder, user: str) -> dict[str, dict[str, Any]]:
-    """Return the demonstrations that a user called valid, as drawn: scene, role and points [m on the table] by name."""
-    samples = read_samples(folder.path, folder.scenes, files.read_settings(folder.path), Faults())
-    assert samples is not None  # the folder was read without a fault
-    rows = samples[(samples["user"] == user) & samples["valid"]]
+    """Return the demonstrations that a user called valid, by name: scene, role and points [m on the table].
+
+    They are fitted curves, as repairs and detours are: a hand's jitter would tell them apart.
+    """
+    rows = folder.demos[(folder.demos["user"] == user) & folder.demos["valid"]]
+    lines = folder.frame.to_table(bezier(folder.controls(rows), POINTS))
     return {
-        f"{VALID} {scene} {demo}": {"scene": scene, "role": VALID, "points": thinned(part[["x", "y"]].to_numpy(float))}
-        for (scene, _, demo), part in rows.groupby(KEY, sort=True)
+        f"{VALID} {row.scene} {row.demo}": {"scene": row.scene, "role": VALID, "points": line.round(4).tolist()}
+        for row, line in zip(rows.itertuples(), lines, strict=True)
     }
-
-
-def thinned(points: Path2) -> list[list[float]]:
-    """Return a path's points, at most POINTS, with its ends."""
-    index = np.unique(np.linspace(0, len(points) - 1, POINTS).round().astype(int))
-    return points[index].round(4).tolist()
 
 
 def repairs(folder: Folder, user: str, rng: np.random.Generator) -> dict[str, dict[str, Any]]:
@@ -113,7 +108,8 @@ def repairs(folder: Folder, user: str, rng: np.random.Generator) -> dict[str, di
         lines = {ORIGINAL: folder.frame.to_table(bezier(controls[0], POINTS)), REPAIR: end[["x", "y"]].to_numpy()}
         lines[DETOUR] = detour(folder, folder.scenes.index(row.scene), controls[0], rng)
         for role, line in lines.items():
-            made[f"{role} {row.scene} {row.demo}"] = {"scene": row.scene, "role": role, "points": thinned(line)}
+            path = {"scene": row.scene, "role": role, "points": line.round(4).tolist()}
+            made[f"{role} {row.scene} {row.demo}"] = path
     return made
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from pipeline import library
-from pipeline.own import asked, fitting
+from pipeline.own import asked, fitting, trials
 from pipeline.own.__main__ import main as own
 from pipeline.own.asked import Sitting, sittings
 from pipeline.own.folder import Folder
@@ -76,6 +76,22 @@ def test_nothing_that_is_shown_tells_the_condition(folder: Folder):
     assert len({frozenset(keys) for several in shown.values() for keys, *_ in several}) == 1
     sizes = {picture[16:24] for several in shown.values() for *_, picture in several}  # width and height of a PNG
     assert len(sizes) == 1, "pictures differ in what they show alone"
+    points = {count for several in shown.values() for _, count, _ in several}
+    assert points == {fitting.REPAIRED_POINTS}, "a path as a hand drew it is no repair"
+
+
+def test_repairs_come_with_their_original_and_a_detour_that_look_alike(folder: Folder):
+    bad = folder.demos[(folder.demos["user"] == "Ana") & ~folder.demos["valid"]].head(2)[["user", "scene", "demo"]]
+    tables = folder.path / "report" / "tables"
+    tables.mkdir(parents=True)
+    bad.assign(p_before=0.1, p_after=0.9, moved_m=0.1).to_parquet(tables / "repaired.parquet")
+    line = np.linspace((0.1, 0.1), (0.5, 0.5), fitting.REPAIRED_POINTS)
+    parts = [pd.DataFrame(line, columns=["x", "y"]).assign(**row) for row in bad.to_dict("records")]
+    pd.concat(parts).to_parquet(tables / "repaired_paths.parquet")
+    made = trials.repairs(folder, "Ana", np.random.default_rng(0))
+    shutil.rmtree(tables.parent)
+    assert sorted(path["role"] for path in made.values()) == sorted(["unrepaired", "repair", "detour"] * 2)
+    assert {len(path["points"]) for path in made.values()} == {fitting.REPAIRED_POINTS}
 
 
 def test_two_windows_two_people_and_a_time_that_is_over(folder: Folder):
