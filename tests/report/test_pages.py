@@ -117,6 +117,8 @@ def test_every_page_renders_from_the_committed_tables():
     site = render(factory.results(**{name: pd.read_csv(ROOT / f"reports/tables/{name}.csv") for name in SOURCES}))
     for page in site.pages.values():
         assert not re.search(r"\b(nan|inf|None|NaN)\b", " ".join(words(page)))
+    for headline in pd.read_csv(ROOT / "docs/expectations.csv").headline:  # all of them, not only what surprised
+        assert f">{headline}</th>" in site.pages["history"], headline
 
 
 @pytest.mark.parametrize("folder", [path.parent for path in ROOT.glob("studies/*/index.html")], ids=lambda f: f.name)
