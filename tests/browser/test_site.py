@@ -1,5 +1,6 @@
 """The pages in a real browser: quiet, reachable by everyone, readable on a phone, in the dark and on paper."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,11 @@ def test_paper_shows_every_table_and_figure_within_the_sheet(opened: Opened, nam
     assert parts.evaluate_all("all => Math.max(...all.map(one => one.getBoundingClientRect().right))") <= SHEET
     assert not page.get_by_role("navigation").is_visible()
     assert page.pdf(prefer_css_page_size=True).startswith(b"%PDF")
+
+
+def test_the_reproduction_summary_prints_on_one_sheet(opened: Opened):
+    sheets = re.findall(rb"/Type\s*/Page\b", opened("reproduction", SHEET).pdf(prefer_css_page_size=True))
+    assert len(sheets) == 1
 
 
 def test_every_page_leads_to_every_other_by_keyboard(opened: Opened):
