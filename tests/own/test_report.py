@@ -20,6 +20,7 @@ from pipeline.own.frame import Frame
 from pipeline.own.recorder.asking import Asking
 from pipeline.own.report import on_the_table
 from pipeline.runtime.places import ROOT
+from tests.own import folders
 from tests.own.folders import USERS, add_kind, answer, edit, make_folder, whole
 
 EXAMPLE = ROOT / "examples" / "table"
@@ -135,17 +136,21 @@ def test_names_are_harmless_and_what_a_folder_cannot_tell_is_left_out_and_said(t
 
 @pytest.mark.slow
 def test_the_page_says_what_people_answered_who_quit_early_or_have_odd_names(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(folders, "SCENES", tuple("abcdefgh"))
     path = make_folder(tmp_path / "table")
     edit(path, lambda table: table.assign(user=table["user"].map({"Ana": "NA", "Jürgen": '🦊 "J"'})))
     add_kind(path, "nan,blue.png,0.12\n")
     (path / "kinds" / "cup").rename(path / "kinds" / "nan")
     asking = Asking(whole(path), None, 10.0)
-    for user, answers in (("NA", 1), ('🦊 "J"', 20)):
-        answer(asking, answers, user)
+    answer(asking, 1, "NA")
+    asking.begin(user='🦊 "J"')
+    added = asking.kept['🦊 "J"'].plan["condition"] != "unchanged"
+    answer(asking, 36, '🦊 "J"', accepts=lambda trial: not added[trial])
     fewer_steps(monkeypatch, 20)
     assert main([str(path)]) == 0
     page = html.unescape(re.sub(r"<[^>]+>", "", (path / "report" / "index.html").read_text()))
     assert "NA. All answers are the same, so they cannot tell whether anything matters. The model predicts" in page
-    assert re.search(r'🦊 "J"\. Open: nan \([−+\d.]+ in \d+ pairs\)\. Most kinds need 13 pairs', page)
+    sticker = r"Reacts to a flat sticker, too: .* 13 to 27 pairs"
+    assert re.search(r'🦊 "J"\. Open: nan \([−+\d.]+ in \d+ pairs\)\. ' + sticker, page)
     assert "Figures write “user 2” for 🦊" in page and "has judged no repair" in page
     assert table(path / "report", "asked_effects")["kind"].isin(["nan", "sticker"]).all()

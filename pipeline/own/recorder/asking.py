@@ -22,6 +22,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
+from pipeline.causal import experiment
 from pipeline.causal.experiment import EXTRA, STICKER, UNCHANGED, due, pairs_within, smallest_settled
 from pipeline.own.asked import ANSWERS, ASKED, Sitting, digest, picture, sittings
 from pipeline.own.files import KINDS
@@ -234,8 +235,13 @@ def outlook(folder: Folder, quoted: str, minutes: float) -> list[str]:
     if unasked := sorted(named - set(folder.cutouts)):
         lines.append(f"Without a cut-out in {KINDS}/ these kinds are not asked about: {', '.join(unasked)}")
     if count:
-        pairs = pairs_within(int(judgements), count)
+        pairs = min(pairs_within(int(judgements), count), experiment.LOOKS[0])  # then it is asked no more
         ruled_out = f"they rule out effects on more than {smallest_settled(pairs):.0%} of answers, of {count} kinds"
         told = f"where no answer changes, {ruled_out}" if pairs else "too few for a verdict"
         lines.append(f"{minutes:g} minutes are some {judgements:.0f} judgements: {told}")
+        needed = next(n for n in range(99) if count * 2 ** (1 - n) < experiment.SPENT[0])  # scenes that all change
+        for user, scenes in folder.demos[folder.demos["valid"]].groupby("user")["scene"].nunique().items():
+            if scenes < needed:
+                few = f"{user} calls paths valid in {scenes} scenes: no effect of {count} kinds can be certain"
+                lines.append(f"{few} with fewer than {needed}")
     return lines

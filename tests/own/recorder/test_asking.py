@@ -17,7 +17,7 @@ from pipeline.own.__main__ import main as own
 from pipeline.own.asked import Sitting, sittings
 from pipeline.own.folder import Folder
 from pipeline.own.recorder import designing
-from pipeline.own.recorder.asking import Asking, main
+from pipeline.own.recorder.asking import Asking, main, outlook
 from pipeline.own.recorder.designing import Designing
 from pipeline.own.recorder.placing import Placing
 from pipeline.runtime.errors import InputError
@@ -118,6 +118,13 @@ def test_a_changed_folder_keeps_old_answers_apart(folder: Folder, tmp_path: Path
     assert asked.given(folder).kept == [] and asked.given(changed) == ([], 1)
     asking = Asking(changed, None, 10.0)
     assert asking.apart == 1 and asking.begin(user="Ana")["answered"] == 0 and (path / "asked" / "002.json").is_file()
+
+
+def test_what_a_sitting_settles_is_said_beforehand_and_is_what_it_asks(folder: Folder):
+    few, *_ = [line for line in outlook(folder, "table", 10.0) if line.startswith("Ana")]
+    assert few == "Ana calls paths valid in 4 scenes: no effect of 2 kinds can be certain with fewer than 7"
+    for minutes in (10.0, 60.0):  # a kind that changes nothing in 13 pairs is asked no more
+        assert any("more than 22% of answers" in line for line in outlook(folder, "table", minutes))
 
 
 def test_folders_that_leave_nothing_to_ask_are_refused(tmp_path: Path):
