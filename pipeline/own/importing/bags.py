@@ -85,7 +85,8 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
             if len(tracks) > 1 and tracks[-2][:3] == tracks[-1][:3]:
                 del tracks[-2]  # a path that was published again as it grew
     if count < sum(c.msgcount for c in poses):
-        raise InputError(f"{path} ends after {count} poses, its index names more: it is truncated; copy it again")
+        why = "it is truncated, or its metadata.yaml is another bag's: copy it again, or name its .db3 or .mcap file"
+        raise InputError(f"{path} ends after {count} poses, its index names more: {why}")
     if not any(tracks):
         missing = f"no transform from {', '.join(frames) or hand} to {table}: TF holds {_known(parents)}"
         bare = f"{path} has {lost} poses in {''.join(c.topic for c in poses[:1])}, none with numbers: choose by --topic"

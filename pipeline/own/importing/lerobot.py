@@ -77,7 +77,12 @@ def _names(key: str, feature: dict[str, Any]) -> list[str]:
 
 def _parquet(file: Path, keys: Sequence[str]) -> dict[str, Array]:
     """Return columns of a parquet file as matrices (row, value)."""
-    if missing := {*keys} - {*pq.read_schema(file).names}:
+    try:
+        names = pq.read_schema(file).names
+    except pa.ArrowInvalid as error:
+        why = "it is truncated, or a pointer of Git LFS: copy it again, or run `git lfs pull` in the clone"
+        raise InputError(f"{file} is no whole parquet file: {why}") from error
+    if missing := {*keys} - {*names}:
         raise InputError(f"{file} has no column {', '.join(sorted(missing))}: copy it again, or see --columns")
     table = pq.read_table(file, columns=[*dict.fromkeys(keys)])
     columns = {key: table[key].combine_chunks() for key in keys}

@@ -110,7 +110,8 @@ def _reader(log: Path) -> Read:
         from pipeline.own.importing.bags import read
     else:
         cut_off = any(file.suffix in BAGS for file in log.glob("*"))
-        why = "has no metadata.yaml, which `ros2 bag reindex` writes" if cut_off else "is missing, or of another kind"
+        other = "is of another kind" if log.exists() else "is missing"
+        why = "has no metadata.yaml, which `ros2 bag reindex` writes" if cut_off else other
         kinds = f"a ROS bag (its folder, or {', '.join(BAGS)}), a LeRobot data set, or {', '.join(TEXTS)}"
         raise InputError(f"{log} {why}: expected {kinds}")
     return read
@@ -125,7 +126,7 @@ def _readable(log: Path | str) -> Iterator[None]:
         raise
     except Exception as error:
         why = "it is truncated, damaged, or stored in a way that is not supported"
-        advice = "copy it again, or repair it (`mcap recover`, `ros2 bag reindex`); docs/import.md says what is read"
+        advice = "copy it again, or repair it (`mcap recover`, `ros2 bag reindex`, `git lfs pull`); see docs/import.md"
         raise InputError(f"{log} cannot be read ({type(error).__name__}: {error}): {why}; {advice}") from error
 
 

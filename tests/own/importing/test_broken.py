@@ -95,6 +95,10 @@ def shorten(log: Path) -> None:
     shutil.copy(next((BESIDE / "lerobot_v21").rglob("episode_000000.mp4")), video)
 
 
+def pointer(log: Path) -> None:
+    next(log.rglob("data/*/*")).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
+
+
 def text(content: str, name: str = "log.csv") -> Make:
     def made(path: Path) -> Path:
         (path / name).write_text(content)
@@ -128,8 +132,8 @@ SQLITE: dict[str, Any] = {"storage": bags.STORAGES[0]}
 ZSTD = SQLITE | {"mode": CompressionMode.FILE, "fmt": CompressionFormat.ZSTD}
 PLAIN, LZ77 = "compression_mode: ''", "compression_mode: file"
 BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options, the sentence
-    ("missing", lambda path: path / "log.mcap", "", "is missing"),
-    ("another kind", text("", "log.pdf"), "", "another kind"),
+    ("missing", lambda path: path / "log.mcap", "", "is missing: expected a ROS bag"),
+    ("another kind", text("", "log.pdf"), "", "is of another kind"),
     ("no topic with poses", poses(lambda given: [CLOSED]), "", "expected geometry"),
     ("several topics", more(OTHER), "", "--topic: several.* /hand .*/other .*choose"),
     ("a topic that is not there", poses(), "--topic /arm", "/arm is not among /hand"),
@@ -145,7 +149,7 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("empty mcap", text("", "log.mcap"), "", "seems to be empty.*mcap recover"),
     ("truncated sqlite3", cut(poses(**SQLITE), "*.db3"), "", "truncated"),
     ("sqlite3 without its end", cut(poses(**SQLITE), "*.db3", 0.95), "", "truncated"),
-    ("fewer messages than counted", metadata("message_count: 300", "message_count: 400"), "", "ends after 300 poses"),
+    ("fewer messages", metadata("message_count: 300", "message_count: 400"), "", "after 300 poses.* another bag's"),
     ("no metadata", without(poses(), "metadata.yaml"), "", "reindex"),
     ("no storage file", without(poses(), "*.mcap"), "", "missing"),
     ("unknown storage", metadata("identifier: mcap", "identifier: rocksdb"), "", "'rocksdb' not supported"),
@@ -167,7 +171,8 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("parquet without the columns", states(), "", "no column observation.state"),
     ("a data set of lost samples", states([np.nan] * 4), "", "no row with a time and a position"),
     ("format v3 without its list of episodes", without(lerobot(), "meta/episodes/*/*"), "", "lacks 3 episodes"),
-    ("truncated parquet", cut(lerobot(), "data/*/*"), "", "truncated"),
+    ("truncated parquet", cut(lerobot(), "data/*/*"), "", "file-000.parquet is no whole parquet file"),
+    ("a clone without its tables", spoilt(lerobot(), pointer), "", "file-000.parquet .* `git lfs pull`"),
     ("an episode is missing", without(lerobot("v21"), "*1.parquet"), "", "lacks 1 of 3 episodes, the first 1"),
     ("a video is missing", without(lerobot("v21"), "*1.mp4"), "", "episode_000001.mp4"),
     ("a video that ends early", spoilt(lerobot(), shorten), "", "ends before 1.6 s"),
