@@ -77,10 +77,7 @@ def prepare(folder: Folder, user: str, seed: str) -> dict[str, Any]:
 
 
 def accepted_paths(folder: Folder, user: str) -> dict[str, dict[str, Any]]:
-    """Return the demonstrations that a user called valid, by name: scene, role and points [m on the table].
-
-    They are fitted curves, as repairs and detours are: a hand's jitter would tell them apart.
-    """
+    """Return a user's valid demonstrations by name: scene, role and points of a curve as smooth as repairs [m]."""
     rows = folder.demos[(folder.demos["user"] == user) & folder.demos["valid"]]
     lines = folder.frame.to_table(bezier(folder.controls(rows), POINTS))
     return {

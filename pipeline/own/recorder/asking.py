@@ -242,6 +242,5 @@ def outlook(folder: Folder, quoted: str, minutes: float) -> list[str]:
         needed = next(n for n in range(99) if count * 2 ** (1 - n) < experiment.SPENT[0])  # scenes that all change
         for user, scenes in folder.demos[folder.demos["valid"]].groupby("user")["scene"].nunique().items():
             if scenes < needed:
-                few = f"{user} calls paths valid in {scenes} scenes: no effect of {count} kinds can be certain"
-                lines.append(f"{few} with fewer than {needed}")
+                lines.append(f"{user} calls paths valid in {scenes} scenes: fewer than {needed} make no effect certain")
     return lines

@@ -122,7 +122,7 @@ def test_a_changed_folder_keeps_old_answers_apart(folder: Folder, tmp_path: Path
 
 def test_what_a_sitting_settles_is_said_beforehand_and_is_what_it_asks(folder: Folder):
     few, *_ = [line for line in outlook(folder, "table", 10.0) if line.startswith("Ana")]
-    assert few == "Ana calls paths valid in 4 scenes: no effect of 2 kinds can be certain with fewer than 7"
+    assert few == "Ana calls paths valid in 4 scenes: fewer than 7 make no effect certain"
     for minutes in (10.0, 60.0):  # a kind that changes nothing in 13 pairs is asked no more
         assert any("more than 22% of answers" in line for line in outlook(folder, "table", minutes))
 
