@@ -18,6 +18,7 @@ B ?= HEAD
 VERDICT ?=
 SCENE ?=
 NOTE ?=
+override export NOTE := $(value NOTE)
 KILLS ?=
 
 .PHONY: help venv venv-cluster repro studies demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review reviewed audit tables readme docs dist lint lock sbom params segmenter data render clean

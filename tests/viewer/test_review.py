@@ -1,5 +1,7 @@
 """A recording is opened or verified, or an error says what to do."""
 
+import re
+import subprocess
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import urlopen
@@ -9,7 +11,7 @@ import pytest
 from pipeline.git import git
 from pipeline.runtime.errors import InputError
 from pipeline.viewer.catalog import RUNS, SCENES, catalog
-from pipeline.viewer.digest import digest
+from pipeline.viewer.digest import digest, worst_scenes
 from pipeline.viewer.linked import place, served
 from pipeline.viewer.review import REVIEWED, check, find, linked_to, note, recordings, reviews, worst
 from pipeline.viewer.run import layout, write_run
@@ -115,6 +117,18 @@ def test_a_note_that_cannot_be_kept_leaves_the_file_as_it_was(kept: Path, reposi
         assert REVIEWED.read_text() == before
         REVIEWED.write_text(before.removesuffix(added))
     assert git(repository, "status", "--porcelain") == ""
+
+
+def test_the_command_of_the_guide_names_a_worst_scene_of_a_recording_in_git_and_keeps_its_note() -> None:
+    root = Path(__file__).parents[2]
+    run, scene = re.search(r"make reviewed RUN=(\S+) SCENE=(\d+)", (root / "docs/review.md").read_text()).groups()  # pyright: ignore
+    assert int(scene) in worst_scenes(root / f"reports/recordings/{run}.rrd")
+    (rule,) = re.findall(r"^override export NOTE.*$", (root / "Makefile").read_text(), re.MULTILINE)
+    said = subprocess.run(
+        ["make", "--silent", "--file=-", "NOTE=5 $HOME"],
+        input=f'NOTE ?=\n{rule}\nall:\n\t@echo "$$NOTE"\n', text=True, capture_output=True, check=True,
+    ).stdout  # fmt: skip
+    assert said == "5 $HOME\n"
 
 
 def test_a_number_is_seen_in_the_least_accurate_run_at_its_scene_or_its_added_item() -> None:
