@@ -40,10 +40,17 @@ def read_overview(path: Path) -> Maps:
 
 
 def write_comparison(path: Path, before: Maps, now: Maps) -> int:
-    """Write what both overviews show to `path`; return the number of cells that were right before and are wrong now."""
-    shared = [key for key in before if key in now and before[key].shape == now[key].shape]
+    """Write what both overviews show to `path`; return the number of cells that were right before and are wrong now.
+
+    Scenes of one title are the same if their truth is.
+    """
+
+    def truth(classes: Array) -> Array:
+        return np.isin(classes - views.OUTCOME, (ACCEPTED, FALSELY_INVALID))
+
+    shared = [key for key in before if key in now and np.array_equal(truth(before[key]), truth(now[key]))]
     if not shared:
-        raise InputError("the two commits share no model and scene: expected overviews of the same users and variants")
+        raise InputError("the two commits share no model and scene: expected the same users, variants and root seed")
     changes = {}
     for key in shared:
         right = [np.isin(maps[key] - views.OUTCOME, (ACCEPTED, REJECTED)).astype(int) for maps in (before, now)]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.legend import label
+from pipeline.runtime.errors import InputError
 from pipeline.viewer.compared import read_overview, write_comparison
 from pipeline.viewer.contents import ACCEPTED, FALSELY_INVALID, FALSELY_VALID, REJECTED, Run
 from pipeline.viewer.run import write_overview
@@ -57,3 +58,6 @@ def test_two_overviews_show_what_was_right_before_and_is_wrong_now(
     maps = read_maps(tmp_path / "compared.rrd", f"{first.user}/{first.variant}")
     assert np.array_equal(maps[0], OUTCOME + np.where(right, FALSELY_VALID, FALSELY_INVALID))
     assert set(np.unique(maps[1:])) <= {OUTCOME + REJECTED, OUTCOME + ACCEPTED}
+    elsewhere = {key: OUTCOME + ((classes - OUTCOME) ^ 1) for key, classes in before.items()}  # other truths
+    with pytest.raises(InputError, match="share no model and scene"):  # scenes of one title in another world
+        write_comparison(tmp_path / "elsewhere.rrd", before, elsewhere)
