@@ -17,6 +17,7 @@ MAX_SPEED_M_S = 9.0  # our choice, on a table of up to 1 m: from corner to corne
 CLOCK_S = 0.01  # what a step's times may be off by
 STILL, LOST = 0.001, 0.05  # shorter steps are rest; longer ones may be a lost tracker's; relative to the table's side
 FROZEN_ROWS, CATCH_UP, TELEPORT = 3, 2, 5  # rows at rest; times the usual of the step after it, and of any step
+LONE, BESIDE, BRIEF_S = 3, (-2, -1, 1, 2), 0.1  # times the median of the steps beside it: no brief step of a hand is so
 MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
 
@@ -92,11 +93,15 @@ def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> 
     usual = speed.where((step > STILL * side) & (held < FROZEN_ROWS)).groupby(number).transform("quantile", 0.75)
     faster = (speed / usual.fillna(0)).where(step > LOST * side, 0)  # than the demonstration's usual steps
     longer = step / step.where(step > STILL * side).groupby(number).transform("quantile", 0.75)  # than its usual steps
+    beside = pd.concat([speed.groupby(number).shift(rows) for rows in BESIDE], axis=1)
+    gap = (seconds > 0) & (step > LOST * side) & (longer > TELEPORT) & ~(faster > TELEPORT)
     away_and_back = np.minimum(faster, faster.groupby(number).shift(-1)) > CATCH_UP
+    lone = (speed > LONE * beside.median(axis=1)) & (step > LOST * side) & (longer > CATCH_UP) & (seconds < BRIEF_S)
+    teleport = (faster > TELEPORT) | lone & ~gap & ~away_and_back
     samples = samples.assign(step=step, seconds=seconds, held=held)
     wrong = {
         "jumps by {step:.2g} m in {seconds:g} s: remove samples that were lost, and name each recording differently": (
-            (seconds >= 0) & ((speed > MAX_SPEED_M_S * max(side, 1)) | (faster > TELEPORT) & (held < FROZEN_ROWS))
+            (seconds >= 0) & ((speed > MAX_SPEED_M_S * max(side, 1)) | teleport & (held < FROZEN_ROWS))
         ),
         "stands still for {held:g} rows and then jumps by {step:.2g} m: remove the rows of a frozen tracker": (
             (held >= FROZEN_ROWS) & (faster > CATCH_UP)
@@ -107,9 +112,7 @@ def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> 
         "is at (0, 0), where lost samples are logged: remove these rows": (
             (samples[places] == 0).all(axis=1) & (step > LOST * side)
         ),
-        "has a gap of {step:.2g} m: give each recording a name of its own, or leave this one out": (
-            (seconds > 0) & (step > LOST * side) & (longer > TELEPORT) & ~(faster > TELEPORT)
-        ),
+        "has a gap of {step:.2g} m: give each recording a name of its own, or leave this one out": gap,
     }
     for sentence, rows in wrong.items():
         faults.rows(DEMONSTRATIONS, samples[rows], f"demonstration ({{name}}) {sentence}")

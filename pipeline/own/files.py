@@ -4,6 +4,7 @@ import csv
 import re
 import unicodedata
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -62,7 +63,12 @@ class Faults(list[str]):
 
 
 def normal(name: str) -> str:
-    """Return a name with single, plain spaces, composed accents and none of UNSEEN: names that look alike are one."""
+    """Return a name with single, plain spaces, composed accents and none of UNSEEN: names that look alike are one.
+
+    Names of files are UTF-8 whatever the locale.
+    """
+    with suppress(UnicodeEncodeError):
+        name = name.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape")
     return " ".join(unicodedata.normalize("NFC", name.translate(dict.fromkeys(map(ord, UNSEEN)))).split())
 
 

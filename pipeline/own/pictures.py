@@ -11,6 +11,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
 from pipeline.world.images import decode, image_size
 
+DEPTHS = 1023, 4095, 16383, 65535  # brightest values of 10 to 16 bits
 MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
 
 
@@ -58,8 +59,8 @@ def decoded(path: Path, name: str, flag: int) -> Array:
 
 
 def _eight_bits(pixels: Array) -> Array:
-    """Return pixels of 8 or 16 bits a channel with 8."""
+    """Return pixels of 8 or 16 bits a channel with 8; cameras of 10, 12 or 14 bits leave the highest of 16 unused."""
     if pixels.dtype == np.uint8:
         return pixels
-    full = 4095 if pixels.max() <= 4095 else 65535  # of 16 bits, nothing would be brighter than 6 %
+    full = next(full for full in DEPTHS if pixels.max() <= full)
     return np.rint(pixels * (255 / full)).astype(np.uint8)

@@ -13,7 +13,7 @@ import pytest
 from pipeline.own.__main__ import main
 from pipeline.own.curves import MAX_NOISE_GAIN, choose_degree, fit_demonstrations, noise_gain
 from pipeline.own.demonstrations import check_paths
-from pipeline.own.files import KEY, Faults, check_settings
+from pipeline.own.files import KEY, Faults, check_settings, normal
 from pipeline.own.folder import read_folder
 from pipeline.own.frame import Frame
 from pipeline.own.pictures import read_picture
@@ -146,6 +146,8 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
         f"row 7: {FIRST} leaves its path for one row, to (0.210165",
     ),
     "teleport of a slow recording": (several(shift(5, 11, -0.9), scale_time(10)), f"row 7: {FIRST} jumps by 0.8"),
+    "two lost rows": (several(shift(5, 7, -0.3), scale_time(0.5)), f"row 9: {FIRST} jumps by 0.37"),
+    "first row lost": (several(shift(0, 1, -0.3), scale_time(0.5)), f"row 3: {FIRST} jumps by 0."),
     "picture of another format": (
         text("scenes/new.AVIF", ""),
         "scenes/new.AVIF is not read: expected a name that ends",
@@ -272,6 +274,13 @@ def test_names_are_kept_whatever_they_look_like_and_accents_may_be_decomposed(fo
     assert whole(folder).scenes == ["010", "Mittag", "thé", "夕食"]
 
 
+def test_names_of_files_are_utf_8_whatever_the_locale():
+    for name in ("夕食", "thé", "\ud800"):
+        assert normal(name) == name
+    for encoding in ("ascii", "utf-8"):  # of the locale
+        assert normal("the\u0301".encode().decode(encoding, "surrogateescape")) == "thé"
+
+
 def test_a_picture_whose_profile_or_date_is_odd_is_read(tmp_path: Path):
     """libpng warns of both: a colour profile that is none, and a time that does not exist."""
     write_picture(file := tmp_path / "a.png", draw_table())
@@ -285,12 +294,12 @@ def test_a_picture_whose_profile_or_date_is_odd_is_read(tmp_path: Path):
     np.testing.assert_array_equal(read_picture(file, "b.jpg"), plain)
 
 
-@pytest.mark.parametrize(("bits", "brightest"), [(12, 255), (16, 255), (14, 64)])
-def test_of_sixteen_bits_twelve_are_known_and_fourteen_are_not(tmp_path: Path, bits: int, brightest: int):
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+def test_a_picture_of_more_than_eight_bits_is_as_bright_as_it_was(tmp_path: Path, bits: int):
     grey = np.linspace(0, 2**bits - 1, 100 * 100).reshape(100, 100).astype(np.uint16)
     (tmp_path / "a.png").write_bytes(cv2.imencode(".png", grey)[1].tobytes())
     picture = read_picture(tmp_path / "a.png", "a.png")
-    assert picture.dtype == np.uint8 and picture.max() == brightest and picture.min() == 0
+    assert picture.dtype == np.uint8 and picture.max() == 255 and picture.min() == 0
 
 
 MOVEMENTS = [
