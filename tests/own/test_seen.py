@@ -88,7 +88,7 @@ def test_run_lengths_tell_what_their_mask_shows(path: Path, write: Callable):
     mask = np.zeros((100, 100), int)
     mask[60:80, 60:80] = mask[5:95, 62] = 1
     flat = mask.ravel(order="F")
-    counts = np.diff([0, *(np.flatnonzero(np.diff(flat)) + 1), flat.size]).tolist()
+    counts = np.diff(np.flatnonzero(np.diff(flat)) + 1, prepend=0, append=flat.size).tolist()
     (path / "items.json").write_text(coco({"segmentation": {"counts": write(counts), "size": [100, 100]}}))
     (path / "masks").mkdir()
     (path / "masks" / f"{SCENES[1]}.png").write_bytes(cv2.imencode(".png", mask.astype(np.uint8))[1].tobytes())
