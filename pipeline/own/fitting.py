@@ -7,7 +7,7 @@ import hashlib
 import json
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,9 @@ from scipy.stats import beta, binomtest
 
 from pipeline import library
 from pipeline.models.base import ValidityModel
-from pipeline.models.clearance.clearance import PATH_SAMPLES
+from pipeline.models.clearance.clearance import OCCAM_NATS, PATH_SAMPLES
 from pipeline.own.folder import Folder
-from pipeline.perception.objects import Objects
+from pipeline.perception.objects import FEATURES, Objects
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.crossed import Estimates, estimate, ratio
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error
@@ -51,6 +51,7 @@ class UserData:
     scenes: list[str]
     arrangement: Int[Array, " scene"]  # the same number for scenes that look alike
     objects: Objects
+    named: bool  # the objects' kinds are those that people named
     controls: Float[Array, "scene n control 2"]  # [m of the model]
     valid: Bool[Array, "scene n"]
     real: Bool[Array, "scene n"]
@@ -74,6 +75,7 @@ class UserData:
             list(rows),
             pd.factorize(folder.arrangements[numbers])[0],
             folder.seen.objects[numbers],
+            folder.seen.kinds is not None,
             folder.controls(demos)[index],
             demos["valid"].to_numpy(bool)[index],
             np.arange(counts.max()) < counts[:, None],
@@ -143,14 +145,31 @@ def apart(
 
 
 def fit_on(data: UserData, scenes: Int[Array, " scene"]) -> ValidityModel:
-    """Return the model of some of a user's scenes; its seed follows from all that decides it."""
+    """Return the model of some of a user's scenes; its seed follows from all that decides it.
+
+    Where people named kinds, relevance depends on kinds alone, unless with the appearance of objects labels are more
+    probable by OCCAM_NATS: among few items, size or colour may tell by chance what the kind tells.
+    """
     objects, paths, valid = data.objects[scenes], data.paths[scenes], data.valid[scenes]
     arrays = *vars(objects).values(), paths, valid
     settings = json.dumps([library.SETTINGS[VARIANT], library.TRAINING[library.SETTINGS[VARIANT]["kind"]]])
     digest = hashlib.sha256(settings.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a few scenes may all be valid: the model then answers one probability
-        return library.fit(objects, paths, valid, variant=VARIANT, seed=job_seed("own", digest))
+
+    def fitted(some: Objects) -> ValidityModel:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a few scenes may all be valid: the model then answers one probability
+            model = library.fit(some, paths, valid, variant=VARIANT, seed=job_seed("own", digest))
+        model.get_buffer("usual_doubt").fill_(1.0)  # `seen.USUAL_DOUBT`: that of the segmenter's training
+        return model
+
+    model = fitted(objects)
+    if not data.named:
+        return model
+    by_kind = fitted(replace(objects, features=np.zeros_like(objects.features)))
+    columns = np.r_[1 : 1 + len(FEATURES)]  # of the mask, which holds a constant, all features and their squares
+    mask, evidence = by_kind.get_buffer("feature_mask"), [one.get_buffer("evidence").max() for one in (model, by_kind)]
+    mask[..., [*columns, *(columns + mask.shape[-1] // 2)]] = 0
+    return model if evidence[0] > evidence[1] + OCCAM_NATS else by_kind
 
 
 def scores(judged: pd.DataFrame) -> pd.DataFrame:

@@ -1,6 +1,7 @@
 """Read and check a person's folder (docs/own-tables.md): every fault becomes a sentence before anything runs."""
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +20,7 @@ from pipeline.own.frame import Frame, outline, rectify
 from pipeline.own.items import COCO, MASKS, Told, Views, read_items
 from pipeline.own.pictures import read_cutout, read_picture
 from pipeline.own.seen import ALONE, EMPTY, STACK, Seen, detect, look
-from pipeline.perception.empty import Empty, empty_table
+from pipeline.perception.empty import MIN_PICTURES, Empty, empty_table
 from pipeline.perception.objects import Object
 from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SIDE
@@ -120,6 +121,10 @@ class Folder:
             )
         return notes
 
+    def _names(self, numbers: Iterable[int]) -> str:
+        """Return the names of scenes, separated by commas."""
+        return ", ".join(self.scenes[i] for i in numbers)
+
     @property
     def how_seen(self) -> list[str]:
         """Return sentences on how items are known, and what the empty table from the pictures leaves open."""
@@ -128,11 +133,21 @@ class Folder:
         lines = [f"How the models know what stands on the table, by the number of scenes: {ways}."]
         stack = self.from_pictures
         moved, relit = ([], []) if stack is None else (stack.moved, stack.relit)
-        others = sorted(set(self.seen.misfits) - {*moved, *relit})
+        misfits = {*self.seen.misfits, *moved, *relit}
+        others = misfits - {*moved, *relit}
         reasons = {"camera moved": moved, "light changed": relit, "empty table does not fit": others}
-        for why, misfits in reasons.items():
-            if misfits:
-                lines.append(f"The {why} in {', '.join(self.scenes[i] for i in misfits)}: read by the picture alone.")
+        alone = [i for i, way in enumerate(self.seen.ways) if way == ALONE]
+        stacked = self.empty is None and self.one_camera and len(self.scenes) >= MIN_PICTURES
+        if alone and stacked and (stack is None or len(misfits) == len(self.scenes)):
+            lines.append("The pictures do not show one table from one place in one light: each is read alone.")
+            reasons = {}
+        for why, scenes in reasons.items():
+            if names := self._names(i for i in alone if i in scenes):
+                lines.append(f"The {why} in {names}: read by the picture alone.")
+        if names := self._names(i for i, doubt in enumerate(self.seen.objects.doubt) if doubt > 1):
+            lines.append(
+                f"The detector is less sure of {names} than in training, and models trust it less: outline items."
+            )
         if stack is None or (stack.is_useful and STACK not in self.seen.ways):
             return lines
         unsure = f"The pictures disagree about {stack.unsure.mean():.0%} of the empty table"

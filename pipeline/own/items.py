@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from pydantic import BaseModel, ValidationError
 
 from pipeline.own import files
 from pipeline.own.files import ITEMS, Faults, Settings, normal
 from pipeline.own.frame import mapped, outline, to_metres, whole
-from pipeline.own.pictures import decoded
+from pipeline.own.pictures import MAX_PIXELS, decoded
 from pipeline.runtime.errors import InputError
 
 COCO, MASKS = "items.json", "masks"
@@ -44,11 +44,18 @@ class _Category(BaseModel):
     name: str
 
 
+class Runs(BaseModel):
+    """Hold a mask as COCO's run lengths: numbers of pixels outside and inside in turn, column by column."""
+
+    size: tuple[int, int]  # rows, columns
+    counts: list[int] | str  # as text: packed, as pycocotools writes them
+
+
 class Annotation(BaseModel):
     id: int = 0
     image_id: int
     category_id: int
-    segmentation: list[list[float]] | dict = []
+    segmentation: list[list[float]] | Runs = []
     bbox: tuple[float, float, float, float] | None = None
 
 
@@ -174,12 +181,15 @@ def _from_coco(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
 
 def _polygons(one: Annotation, scene: str, views: Views) -> list[Float[Array, "point 2"]]:
     """Return an annotation's polygons; raise InputError for what is outside, crosses itself or encloses nothing."""
+    size, drawn = np.array(views.sizes[scene]), isinstance(one.segmentation, list)
+    if isinstance(one.segmentation, Runs) and one.segmentation.size[::-1] != views.sizes[scene]:
+        rows, columns = one.segmentation.size
+        raise InputError(f"a mask of {columns} x {rows} pixels, its picture {size[0]} x {size[1]}: expected the same")
     rings = rings_of(one)
-    size = np.array(views.sizes[scene])
     for ring in rings:
         if not np.isfinite(ring).all() or (ring < -OUTSIDE * size).any() or (ring > (1 + OUTSIDE) * size).any():
             raise InputError(f"an outline leaves the picture of {size[0]} x {size[1]} pixels: correct it")
-        if crosses_itself(ring):
+        if drawn and crosses_itself(ring):
             raise InputError("a polygon crosses itself: draw it anew")
     if not rings or sum(cv2.contourArea(ring.astype(np.float32)) for ring in rings) < MIN_ITEM_SHARE * size.prod():
         raise InputError("it encloses nothing: outline the item, or remove it")
@@ -187,9 +197,9 @@ def _polygons(one: Annotation, scene: str, views: Views) -> list[Float[Array, "p
 
 
 def rings_of(one: Annotation) -> list[Float[Array, "point 2"]]:
-    """Return an annotation's polygons [column, row], or its box; raise InputError for any other form."""
-    if isinstance(one.segmentation, dict):
-        raise InputError("a run-length mask: expected polygons; export polygons, or a PNG a scene in masks/")
+    """Return an annotation's polygons [column, row], its mask's, or its box; raise InputError for any other form."""
+    if isinstance(one.segmentation, Runs):
+        return _rings_in(_unpacked(one.segmentation))
     rings = [np.reshape(ring, (-1, 2)) for ring in one.segmentation if len(ring) >= 6 and len(ring) % 2 == 0]
     if len(rings) < len(one.segmentation):
         raise InputError("a polygon is no list of x and y of three points or more: correct it")
@@ -197,6 +207,29 @@ def rings_of(one: Annotation) -> list[Float[Array, "point 2"]]:
         x, y, width, height = one.bbox
         rings = [whole(1, 1) * [width, height] + [x, y]]
     return rings
+
+
+def _unpacked(runs: Runs) -> UInt8[Array, "row column"]:
+    """Return the mask of run lengths; raise InputError if they do not fill it."""
+    counts = runs.counts
+    if isinstance(counts, str):  # digits of 5 bits from "0", the lowest first; from the fourth on, differences by two
+        text, counts, value, shift = counts, list[int](), 0, 0
+        for digit in (ord(letter) - ord("0") for letter in text):
+            value, shift = value | (digit & 31) << shift, shift + 5
+            if not digit & 32:
+                value -= (digit & 16) << shift - 4
+                counts.append(value + (counts[-2] if len(counts) > 2 else 0))
+                value = shift = 0
+    rows, columns = runs.size
+    if min(rows, columns, *counts, 1) < 0 or not 0 < sum(counts) == rows * columns <= MAX_PIXELS:
+        raise InputError(f"a mask whose run lengths do not fill {columns} x {rows} pixels: export it again")
+    return np.repeat(np.arange(len(counts), dtype=np.uint8) % 2, counts).reshape(columns, rows).T
+
+
+def _rings_in(mask: UInt8[Array, "row column"]) -> list[Float[Array, "point 2"]]:
+    """Return the outlines [column, row] of a mask's parts, without stray pixels."""
+    rings, _ = cv2.findContours(np.ascontiguousarray(mask), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return [ring[:, 0] + 0.5 for ring in rings if cv2.contourArea(ring) >= MIN_ITEM_SHARE * mask.size]
 
 
 def crosses_itself(ring: Float[Array, "point 2"]) -> bool:
@@ -236,11 +269,9 @@ def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told
             theirs = " x ".join(map(str, views.sizes[scene]))
             faults.append(f"{name} has {size[0]} x {size[1]} pixels, its picture {theirs}: expected the same")
         else:
-            least = MIN_ITEM_SHARE * mask.size
             told[scene] = []
             for value in np.unique(mask[mask > 0]):
-                rings, _ = cv2.findContours((mask == value).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-                rings = [ring[:, 0] + 0.5 for ring in rings if cv2.contourArea(ring) >= least]
+                rings = _rings_in((mask == value).astype(np.uint8))
                 try:
                     told[scene] += [Told("", [views.to_table(scene, ring) for ring in rings])] if rings else []
                 except InputError as error:

@@ -23,6 +23,7 @@ from pipeline.world.layout import SIDE, point_segment_distance
 TOLD, EMPTY, STACK, ALONE = "told", "empty table", "empty table from the pictures", "picture alone"
 FINE = SIDE * SUPERSAMPLING  # points a side on which outlines are laid down
 SPREAD = 0.5  # standard deviation that each kind's looks have at least, over that of all items
+USUAL_DOUBT = 12.0, 3.5  # of nine in ten composites as in the segmenter's training: alone, over an empty table [nat/px]
 NEAR_M = 0.01  # an item's centre may lie this far outside a detected outline [m of the model]
 Image = UInt8[Array, "100 100 3"]
 Named = tuple[str, Object]  # kind, "" where nobody named it
@@ -68,7 +69,7 @@ class Seen:
     misfits: list[int]  # scenes whose camera or light is not that of `empty`
     told: dict[int, list[Named]]  # items that somebody outlined, by scene
     found: list[list[Object]]  # what the detector finds in each scene
-    doubt: list[float]  # of the detector
+    doubt: list[float]  # of the detector, over USUAL_DOUBT
     kinds: Kinds | None
 
     @property
@@ -158,12 +159,12 @@ def suggest(
 
 
 def detect(image: Image, empty: Image | None) -> tuple[list[Object], float]:
-    """Return the objects that the detector finds in a picture, and its doubt; `empty`: the table without items."""
+    """Return what the detector finds in a picture, and its doubt over USUAL_DOUBT; `empty`: the table without items."""
     table = None if empty is None else to_tensor(empty[None])
     objects = detect_objects(to_tensor(image[None]), table, looks=True)
     fields = objects.ends, objects.radius, objects.features, objects.kinds
     rows = [Object(*(field[0, i] for field in fields)) for i in np.flatnonzero(objects.present[0])]
-    return rows, float(objects.doubt[0])
+    return rows, float(objects.doubt[0]) / USUAL_DOUBT[empty is not None]
 
 
 def _is_huge(one: Object) -> bool:

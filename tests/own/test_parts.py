@@ -17,7 +17,7 @@ from pipeline.own.fitting import UserData
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX, Frame, rectify
 from pipeline.own.results import Results
-from pipeline.perception.objects import Objects
+from pipeline.perception.objects import FEATURES, Object, Objects
 from pipeline.world.bezier import P_INIT
 from pipeline.world.images import read_image
 from tests.factories import RED, WHITE, draw_table
@@ -41,6 +41,41 @@ def test_scenes_with_fewer_demonstrations_repeat_them_and_only_real_ones_are_sco
     assert data.real[tea].tolist() == [True, True, False, False] and data.real.sum() == 14
     assert data.demo[tea].tolist() == ["0", "3", "0", "3"]
     assert np.array_equal(data.controls[tea, 1], data.controls[tea, 3])
+
+
+@pytest.mark.parametrize("by_kind", [True, False])
+def test_relevance_is_of_named_kinds_unless_appearance_explains_the_labels_better(by_kind: bool):
+    """One item in each of twelve scenes; paths beside it are invalid for one of two kinds, or of two sizes."""
+    scenes = np.arange(12)
+    kind, large = scenes % 2, scenes // 2 % 2
+    if by_kind:
+        large[:10] = kind[:10]  # nearly the same in few items
+    features = np.zeros((12, len(FEATURES)))
+    features[:, [0, 2, 3]] = large[:, None] + np.random.default_rng(0).normal(0, 0.1, (12, 3))
+    looks, ends = np.eye(2, dtype=np.float32)[kind], np.full((2, 2), 0.5)
+    objects = Objects.of([[Object(ends, 0.05, features[i], looks[i])] for i in scenes], [0.0] * 12, 2)
+    heights = np.array([0.45, 0.5, 0.52, 0.56, 0.1, 0.2, 0.8, 0.9])
+    controls = np.stack([np.stack([[0.1, y], [0.4, y], [0.6, y], [0.9, y]]) for y in heights])
+    valid = (np.abs(heights - 0.5) > 0.1) | ~(kind if by_kind else large).astype(bool)[:, None]
+    shape = valid.shape
+    data = UserData(
+        "Ana", [str(i) for i in scenes], scenes, objects, True, np.broadcast_to(controls, (12, *controls.shape)).copy(),
+        valid, np.ones(shape, bool), np.broadcast_to(np.arange(8).astype(str), shape),
+    )  # fmt: skip
+    model = fitting.fit_on(data, scenes)
+    others = replace(objects, features=objects.features[::-1].copy())
+    change = model.probability(others, data.paths) - model.probability(objects, data.paths)
+    assert (np.abs(change).max() < 1e-6) == by_kind
+    assert (((model.probability(objects, data.paths) > 0.5) == valid).mean()) > 0.95
+
+
+def test_doubt_is_that_of_the_segmenters_training_and_not_of_these_pictures(folder: Folder):
+    data = UserData.of("Ana", folder)
+    data = replace(data, objects=replace(data.objects, doubt=np.full(len(data.scenes), 2, np.float32)))
+    model = fitting.fit_on(data, np.arange(len(data.scenes)))
+    sure = replace(data.objects, doubt=np.ones(len(data.scenes), np.float32))
+    p, p_sure = (np.abs(model.probability(objects, data.paths) - 0.5) for objects in (data.objects, sure))
+    assert (p < p_sure).all()
 
 
 def test_scenes_that_look_alike_are_judged_by_models_that_saw_neither(tmp_path: Path):

@@ -1,6 +1,7 @@
 """What stands on the table: told, against the empty table, or by the picture alone."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -70,6 +71,31 @@ def test_a_mask_and_a_capsule_and_a_polygon_tell_the_same(path: Path):
         assert abs(objects.radius[i, 0] - 0.113) < 0.01
 
 
+def packed(counts: list[int]) -> str:
+    """Pack run lengths as `rleToString` of pycocotools."""
+    text = ""
+    for i, count in enumerate(counts):
+        left, more = count - (counts[i - 2] if i > 2 else 0), True
+        while more:
+            digit, left = left & 31, left >> 5
+            more = left != -1 if digit & 16 else left != 0
+            text += chr(digit + 32 * more + 48)
+    return text
+
+
+@pytest.mark.parametrize("write", [list, packed])
+def test_run_lengths_tell_what_their_mask_shows(path: Path, write: Callable):
+    mask = np.zeros((100, 100), int)
+    mask[60:80, 60:80] = mask[5:95, 62] = 1
+    flat = mask.ravel(order="F")
+    counts = np.diff(np.flatnonzero(np.diff(flat)) + 1, prepend=0, append=flat.size).tolist()
+    (path / "items.json").write_text(coco({"segmentation": {"counts": write(counts), "size": [100, 100]}}))
+    (path / "masks").mkdir()
+    (path / "masks" / f"{SCENES[1]}.png").write_bytes(cv2.imencode(".png", mask.astype(np.uint8))[1].tobytes())
+    told = whole(path).told
+    np.testing.assert_array_equal(told[SCENES[0]][0].parts[0], told[SCENES[1]][0].parts[0])
+
+
 def test_a_scene_told_to_be_empty_holds_nothing(path: Path):
     (path / "items.json").write_text(coco())
     folder = whole(path)
@@ -79,7 +105,8 @@ def test_a_scene_told_to_be_empty_holds_nothing(path: Path):
 @pytest.mark.parametrize(
     ("text", "fault"),
     {
-        "run-length": (coco({"segmentation": {"counts": "abc", "size": [100, 100]}}), "run-length mask"),
+        "runs too short": (coco({"segmentation": {"counts": "abc", "size": [100, 100]}}), "do not fill 100 x 100"),
+        "a mask's size": (coco({"segmentation": {"counts": [0, 25], "size": [5, 5]}}), "5 x 5 pixels, its picture 100"),
         "outside": (coco({"segmentation": [[60, 60, 180, 60, 80, 80]]}), "leaves the picture of 100 x 100"),
         "crossing": (coco({"segmentation": [[10, 10, 50, 50, 50, 10, 10, 50]]}), "crosses itself"),
         "unknown kind": (coco({"category_id": 7}), "category 7 is not listed"),
@@ -168,6 +195,15 @@ def test_an_empty_table_that_is_another_table_is_not_used(path: Path):
     write_picture(path / "empty.png", draw_table() // 2)
     folder = whole(path)
     assert set(folder.seen.ways) == {ALONE} and "The empty table does not fit in" in folder.how_seen[1]
+
+
+def test_pictures_of_several_tables_are_read_alone_and_what_is_unsure_is_named(path: Path):
+    for i in range(8):
+        random = np.random.default_rng(i).integers(0, 255, (12, 12, 3)).astype(np.uint8)
+        write_picture(path / "scenes" / f"{i}.png", cv2.resize(random, (100, 100), interpolation=cv2.INTER_CUBIC))
+    said = whole(path).how_seen
+    assert "do not show one table from one place" in said[1] and "camera moved" not in " ".join(said)
+    assert "less sure of 0, 1, 2, 3, 4, 5, 6, 7 than in training" in " ".join(said)
 
 
 def test_fewer_than_five_arrangements_give_no_empty_table():
