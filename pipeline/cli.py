@@ -9,7 +9,8 @@ specs sweep ...            run the paper's graph with other settings (docs/sweep
 specs audit ...            compare code, locks, pages and tables of a commit (docs/audit.md)
 specs review ...           open recordings in Rerun's viewer (docs/review.md)
 
-specs VERB --help          says more; specs --version; specs --completion bash|zsh prints what a shell completes by
+specs VERB --help          says more; specs --version
+eval "$(specs --completion bash)"    the shell completes verbs; also zsh
 """
 
 import runpy
