@@ -164,7 +164,7 @@ def tables(
 
     All tables are by user. asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in
     the same pairs, and varied, whether the person gave both answers. asked_compared: effect, low and high by kind, of
-    `You` and `Your model`. asked_average, asked_distances and asked_agreement: as `experiment` gives them.
+    `You`, with the verdict, and `Your model`. asked_average, asked_distances and asked_agreement: as `experiment` gives them.
     asked_repairs: the share accepted by role of the path. asked_real: how often a composited item got the same answer
     as the real one, by kind.
     """
@@ -177,8 +177,9 @@ def tables(
         by_pair = first.pivot(index="pair", columns="condition", values="p").reindex(columns=[UNCHANGED, *effects.kind])
         effects["model_effect"] = by_pair[effects["kind"]].sub(by_pair[UNCHANGED], axis=0).mean().to_numpy()
         effects["varied"] = len(set(sitting.answers.values())) > 1
-        you, model = effects[["kind", "effect", "ci_low", "ci_high"]].assign(who="You"), effects["model_effect"]
-        compared = you, you.assign(who="Your model", effect=model, ci_low=model, ci_high=model)
+        you = effects[["kind", "effect", "ci_low", "ci_high", "verdict"]].assign(who="You")
+        model = effects["model_effect"]
+        compared = you, you.assign(who="Your model", effect=model, ci_low=model, ci_high=model, verdict="")
         roles = trials.assign(role=[sitting.paths[name]["role"] for name in trials["path"]])
         roles = roles[(roles["repeats"] < 0) & roles["condition"].isin([UNCHANGED, EXTRA])]
         roles = roles.sort_values("role", key=lambda names: names.map([VALID, ORIGINAL, REPAIR, DETOUR].index))

@@ -75,11 +75,12 @@ def curves(
     return chart.finished()
 
 
-def bars(data: Any, table: Table, x: str, y: Names, unit=1, truth="", band=0, **options: Any) -> Figure:
+def bars(data: Any, table: Table, x: str, y: Names, unit=1, truth="", band=0, note="", **options: Any) -> Figure:
     """Return y with the interval from low to high, horizontal, a group for each value of x and a mark for each `hue`.
 
     If hue is x, each group has its own colour. truth: a column whose number is a line across its group. band: the
-    numbers up to this far from 0 are shaded. xlabel is the name of the numbers.
+    numbers up to this far from 0 are shaded. note: a column whose word, if any, is written beside its group. xlabel is
+    the name of the numbers.
     """
     chart = _Chart(data, table, y, **options)
     groups, alone = list(dict.fromkeys(chart.frame[x])), chart.hue == x
@@ -104,6 +105,8 @@ def bars(data: Any, table: Table, x: str, y: Names, unit=1, truth="", band=0, **
             for group, number in rows.drop_duplicates(x)[[x, truth]].itertuples(index=False):
                 place, shown = groups.index(group), "Truth" if group == rows[x].iloc[0] else ""
                 axes.vlines(unit * number, place - 0.42, place + 0.42, color=INK, linewidth=1.6, label=shown)
+        for group, word in rows[[x, note]].itertuples(index=False) if note else ():
+            axes.annotate(word, (1.02, groups.index(group)), xycoords=("axes fraction", "data"), va="center")
         axes.set_yticks(range(len(groups)), [chart.word(x, group) for group in groups])
         axes.set_ylim(len(groups) - 0.5, -0.5)
         axes.grid(axis="x")

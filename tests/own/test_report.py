@@ -153,4 +153,8 @@ def test_the_page_says_what_people_answered_who_quit_early_or_have_odd_names(tmp
     sticker = r"Reacts to a flat sticker, too: .* 13 to 27 pairs"
     assert re.search(r'🦊 "J"\. Open: nan \([−+\d.]+ in \d+ pairs\)\. ' + sticker, page)
     assert "Figures write “user 2” for 🦊" in page and "has judged no repair" in page
-    assert table(path / "report", "asked_effects")["kind"].isin(["nan", "sticker"]).all()
+    effects = table(path / "report", "asked_effects")
+    assert effects["kind"].isin(["nan", "sticker"]).all()
+    drawn = (path / "report" / "figures" / "asked-compared.svg").read_text()
+    assert all(f"<!-- {verdict} -->" in drawn for verdict in effects["verdict"].dropna())
+    assert "user 2: your model predicts" in drawn and "the best possible" in drawn
