@@ -164,9 +164,9 @@ def tables(
 
     All tables are by user. asked_effects: `experiment.local_verdicts` with model_effect, the mean change of P(valid) in
     the same pairs, and varied, whether the person gave both answers. asked_compared: effect, low and high by kind, of
-    `You`, with the verdict, and `Your model`. asked_average, asked_distances and asked_agreement: as `experiment` gives them.
-    asked_repairs: the share accepted by role of the path. asked_real: how often a composited item got the same answer
-    as the real one, by kind.
+    `You`, with the verdict, and `Your model`. asked_average, asked_distances and asked_agreement: as `experiment` gives
+    them. asked_repairs: the share accepted by role of the path. asked_real: how often a composited item got the same
+    answer as the real one, by kind.
     """
     parts = dict[str, list[pd.DataFrame]]()
     for sitting, second in answers:
