@@ -179,11 +179,11 @@ def fit(
 
 
 @undisturbed()
-def repair(model: ValidityModel, images: Array | Objects, starts: Array) -> Array:
+def repair(model: ValidityModel, images: Array | Objects, starts: Array, free_ends: bool = False) -> Array:
     """Return, for each start, the path that the model accepts, z_theta or points as the starts [m]; NaN if none.
 
     images, starts: as the images and paths of `fit`. Curves come back with as many points, evenly along them, and keep
-    their ends.
+    their ends unless free_ends.
 
     An accepted path has P(valid) > .8: the start itself, if it is accepted. For z_theta, takes the paper's gradient
     steps on the model's log-odds and returns the nearest accepted point on the way, which can be far from the start;
@@ -193,7 +193,9 @@ def repair(model: ValidityModel, images: Array | Objects, starts: Array) -> Arra
     _check_model(model)
     _check_scenes(images, starts, name="starts", at_least=1)
     if starts.ndim == 4:
-        return _nearest_curves(model, images, starts.astype(np.float64))
+        return _nearest_curves(model, images, starts.astype(np.float64), free_ends)
+    if free_ends:
+        raise InputError("free_ends=True: z_theta has fixed ends; give starts as points (scene, path, point, 2) [m]")
     steps = climb(model, images, np.asarray(starts, dtype=np.float64), Ascent(**REPAIR))
     distances = np.linalg.norm(steps.z - steps.z[:, :, :1], axis=-1)  # (scene, path, step)
     nearest = np.where(steps.p > ACCEPTED_ABOVE, distances, np.inf).argmin(-1)[..., None]
@@ -203,14 +205,14 @@ def repair(model: ValidityModel, images: Array | Objects, starts: Array) -> Arra
     return ends
 
 
-def _nearest_curves(model: ValidityModel, images: Array | Objects, starts: Array) -> Array:
+def _nearest_curves(model: ValidityModel, images: Array | Objects, starts: Array, free_ends: bool) -> Array:
     """Return accepted curves near the starts, by search (`planning.bumps`), with as many points as before."""
     log_valid, ends = by_model(model, images), starts.copy()
     even = resample(torch.from_numpy(starts), POINTS).numpy()
     for scene, path in np.ndindex(*starts.shape[:2]):
         if log_valid(scene, even[[scene], path])[0] <= np.log(ACCEPTED_ABOVE):
-            offsets, log_p = nearest(log_valid, scene, even[scene, path], CURVE_PENALTY)
-            moved = torch.from_numpy(even[scene, path] + basis() @ offsets)[None, None]
+            offsets, log_p = nearest(log_valid, scene, even[scene, path], CURVE_PENALTY, free_ends)
+            moved = torch.from_numpy(even[scene, path] + basis(free_ends) @ offsets)[None, None]
             accepted = log_p > np.log(ACCEPTED_ABOVE)
             ends[scene, path] = resample(moved, starts.shape[2])[0, 0] if accepted else np.nan
     return ends

@@ -1,7 +1,7 @@
 """Smooth displacements of any curve: the space in which curves are repaired and the nearest valid one is searched.
 
 A displaced curve is its points plus a Bezier curve of degree DEGREE in the share of the length. The control points of
-this are the displacement's offsets, without the first and the last: the ends stay.
+this are the displacement's offsets. Without the first and the last of them the ends stay; free ends move, too.
 """
 
 import numpy as np
@@ -16,18 +16,24 @@ DEGREE, POINTS = 5, 161  # points evenly along a curve, as the clearance model r
 CANDIDATES, FIRST_M, ROUNDS = 512, 0.35, 8  # displacements that a search tries at once; each round tries half as far
 
 
-def basis() -> Float[Array, "point offset"]:
+def basis(free_ends: bool = False) -> Float[Array, "point offset"]:
     """Return how far each offset moves each of POINTS points."""
-    return bernstein(np.linspace(0, 1, POINTS), DEGREE)[:, 1:-1]
+    moves = bernstein(np.linspace(0, 1, POINTS), DEGREE)
+    return moves if free_ends else moves[:, 1:-1]
 
 
 def displacement(offsets: Float[Array, "*curve offset 2"]) -> Array | np.floating:
     """Return for each curve the mean distance [m] along the curve between the points before and after."""
-    return np.linalg.norm(basis() @ offsets, axis=-1).mean(-1)
+    moves = basis(free_ends=offsets.shape[-2] > DEGREE - 1)
+    return np.linalg.norm(moves @ offsets, axis=-1).mean(-1)
 
 
 def nearest(
-    log_valid: LogValid, scene: int, start: Float[Array, "point 2"], distance_penalty: float
+    log_valid: LogValid,
+    scene: int,
+    start: Float[Array, "point 2"],
+    distance_penalty: float,
+    free_ends: bool = False,
 ) -> tuple[Float[Array, "offset 2"], float]:
     """Return the offsets [m] with the highest log P(valid) - distance_penalty * displacement, and their log P.
 
@@ -35,7 +41,7 @@ def nearest(
     The candidates of each round are quasi-random around the best one so far, half as far as in the round before; the
     search can miss narrow gaps. The start stays if no candidate is better.
     """
-    b = basis()
+    b = basis(free_ends)
     draws = qmc.Sobol(2 * b.shape[1], seed=0).random(CANDIDATES)
     shapes = norm.ppf(draws.clip(1e-6, 1 - 1e-6)).reshape(CANDIDATES, -1, 2)
     best, log_p = np.zeros_like(shapes[0]), float(log_valid(scene, start[None])[0])

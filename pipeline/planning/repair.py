@@ -42,19 +42,21 @@ class Repairs:
     p: Float[Array, "scene start point"]  # P(valid) by the model at these points, float32
 
 
-def repair(model: ValidityModel, images: Images | Objects, starts: Starts, ascent: Ascent) -> Repairs:
+def repair(
+    model: ValidityModel, images: Images | Objects, starts: Starts, ascent: Ascent, free_ends: bool = False
+) -> Repairs:
     """Take `ascent.steps` steps from each start [m] along Delta = d log-odds(v = 1) / d z_theta; return all points.
 
     The paper's Delta (Section "Problem Formulation") is the gradient of C_s. The gradient of the log-odds has the same
     direction but does not vanish where p is near 0 or 1. Starts and steps are clipped to the z_theta square.
     The model perceives each scene once; starts do not affect each other. Curves, given by their points, take steps in
-    the offsets of `planning.bumps`; nothing clips them.
+    the offsets of `planning.bumps`, with free ends or not; nothing clips them.
     """
     with torch.no_grad():
         percept = model.eval().see(images)
     given = torch.from_numpy(np.array(starts, dtype=np.float32, order="C"))
     if given.ndim == 4:
-        curves, b = resample(given, POINTS), torch.from_numpy(basis()).float()
+        curves, b = resample(given, POINTS), torch.from_numpy(basis(free_ends)).float()
         z, least, most = given.new_zeros(*given.shape[:2], b.shape[1], 2), -np.inf, np.inf
 
         def logit(z: Tensor) -> Tensor:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.planning import bumps
 from pipeline.planning.nearest import by_model, constant_detour, nearest, nearest_valid
 from pipeline.world.bezier import Z_HIGH, Z_LOW, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, random_layouts
@@ -59,3 +60,16 @@ def test_the_constant_detour_is_valid_in_as_many_scenes_as_any_other():
     z = constant_detour(LAYOUTS, CAREFUL, SIDE)
     share = valid(LAYOUTS, np.broadcast_to(lattice(SIDE), (6, SIDE * SIDE, 2)), CAREFUL).mean(0)
     assert valid(LAYOUTS, np.broadcast_to(z, (6, 1, 2)), CAREFUL).mean() == share.max()
+
+
+def test_free_ends_leave_a_place_where_no_curve_may_end_by_about_the_least_way():
+    line = np.stack([np.linspace(0.1, 0.9, bumps.POINTS), np.full(bumps.POINTS, 0.5)], -1)
+
+    def ends_left_of_80_cm(scene, points):
+        return np.where(points[..., -1, 0] < 0.8, 0.0, -np.inf)
+
+    _, log_p = bumps.nearest(ends_left_of_80_cm, 0, line, 1.0)
+    offsets, free_log_p = bumps.nearest(ends_left_of_80_cm, 0, line, 1.0, free_ends=True)
+    ends = line + bumps.basis(free_ends=True) @ offsets
+    assert log_p == -np.inf and free_log_p == 0
+    assert 0.7 < ends[-1, 0] < 0.8 and bumps.displacement(offsets) < 0.1
