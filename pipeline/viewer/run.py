@@ -61,7 +61,7 @@ EVERY = 5  # of a recorded trajectory's samples, each fifth is drawn
 ABOVE, TOP = 40.0, 50.0  # draw orders of moving paths and of marks; Rerun's own end at 30 (points)
 MARK_RADIUS = 1.5  # radius of a mark on the table [px]
 RECORDED = (10, 10, 10)  # colour (RGB) of recorded trajectories
-COLOURS = ((255, 150, 30), (190, 150, 255), (80, 220, 190), (255, 160, 190))  # of repairs, the same in all views
+COLOURS = ((150, 200, 60), (190, 150, 255), (80, 220, 190), (255, 160, 190))  # of repairs, the same in all views
 TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # colours of the loss terms
 EFFECTS = {  # titles of the interventions' panels (row, column); the first, the unchanged scene, is logged already
     (0, 0): "Before", (1, 0): "Item added", (0, 1): "Model's P(valid), after", (0, 2): "Truth, after",
