@@ -42,10 +42,6 @@ class Removals:
         """Return PN_j; 0 in free slots, NaN if the path cannot be invalid."""
         return chance_of_change(False, self.factual[..., None], self.without)
 
-    def of_seed(self, seed: int) -> "Removals":
-        """Return the values of one seed (first axis)."""
-        return Removals(self.factual[seed], self.empty[seed], self.without[seed])
-
 
 @dataclass(frozen=True)
 class Subsets:

@@ -23,7 +23,7 @@ from tqdm import tqdm
 from making.render.read import Rendered, read_rendered
 from making.segmenter.composites import FAMILIES, draw_arrangements, draw_composites, read_palette
 from pipeline.artifacts.demos import read_queries
-from pipeline.artifacts.files import write_arrays, write_json, write_table
+from pipeline.artifacts.files import write_json, write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
 from pipeline.causal import interventions
 from pipeline.launch import launch
@@ -82,15 +82,14 @@ def agree(study: Settings, parameters: Any) -> None:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write families.csv, summary.csv and examples.npz of composites, and arrangements.csv.
+    """Write families.csv and summary.csv of composites, and arrangements.csv.
 
     Of clearance models, write accuracy.csv, verdicts.csv and metrics.json.
     """
     study = cfg.studies.perception
-    items, arranged, examples = on_families(cfg)
+    items, arranged = on_families(cfg)
     write_table(out_dir / "families.csv", recall(items, ["kind", "family", "detector"]))
     write_table(out_dir / "summary.csv", recall(items, ["kind", "detector"]))
-    write_arrays(out_dir / "examples.npz", examples)
     write_table(out_dir / "arrangements.csv", recall(arranged, ["kind", "detector"]))
     parts = map_jobs(partial(on_tables, cfg), list(study.rendered), cfg.workers, "path-traced splits")
     right, verdicts = (pd.concat(tables, ignore_index=True) for tables in zip(*parts, strict=True))
@@ -104,24 +103,18 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 # Composites: which items are found
 
 
-def on_families(cfg: DictConfig) -> tuple[pd.DataFrame, pd.DataFrame, dict[str, Array]]:
-    """Return the items of new composites with the overlap of each detector's object, those of arrangements, pictures.
+def on_families(cfg: DictConfig) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the items of new composites with the overlap of each detector's object, and those of arrangements.
 
-    Arrangements are of one table of each family under a fixed camera, by how the empty table is known. Pictures are
-    one of each family, with the segmenter's outlines.
+    Arrangements are of one table of each family under a fixed camera, by how the empty table is known.
     """
     study, palette = cfg.studies.perception, read_palette(cfg.paths.data)
-    on_composites, on_arrangements, examples = [], [], {}
+    on_composites, on_arrangements = [], []
     for family in tqdm(FAMILIES, desc="families"):
         key = {"kind": FAMILIES[family].kind, "family": family}
         drawn = draw_composites(stream(study.root_seed, "perception", family), study.pictures, [family], palette)
         objects = {name: detect(to_tensor(drawn.images), to_tensor(drawn.empty)) for name, detect in DETECTORS.items()}
         on_composites += [found_items(x, drawn.instances).assign(**key, detector=name) for name, x in objects.items()]
-        seen = objects["segmenter"]
-        examples[f"{family}.segmenter.ends"] = seen.ends[:1]
-        examples[f"{family}.segmenter.radius"] = np.where(seen.present, seen.radius, np.nan)[:1]
-        examples[f"{family}.image"] = drawn.images[:1]
-
         drawn = draw_arrangements(stream(study.root_seed, "arrangements", family), study.arrangements, family, palette)
         taken = empty_table(drawn.images)
         tables = {"segmenter": None, "segmenter_empty": drawn.empty, "segmenter_pictures": None}
@@ -130,7 +123,7 @@ def on_families(cfg: DictConfig) -> tuple[pd.DataFrame, pd.DataFrame, dict[str, 
         for name, empty in tables.items():
             found = detect_objects(to_tensor(drawn.images), None if empty is None else to_tensor(empty))
             on_arrangements.append(found_items(found, drawn.instances).assign(**key, detector=name))
-    return pd.concat(on_composites, ignore_index=True), pd.concat(on_arrangements, ignore_index=True), examples
+    return pd.concat(on_composites, ignore_index=True), pd.concat(on_arrangements, ignore_index=True)
 
 
 def found_items(objects: Objects, instances: UInt8[Array, "scene row column"]) -> pd.DataFrame:

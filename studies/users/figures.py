@@ -1,4 +1,4 @@
-"""Draw valid control points of each user, and the overlap of two users' valid paths by scene."""
+"""Draw valid control points of each user."""
 
 from matplotlib.figure import Figure
 
@@ -19,20 +19,4 @@ def demonstrations(study: Study) -> Figure:
         panel.set(title=f"{user}: {len(points)}", aspect="equal", xlim=(Z_LOW, Z_HIGH), ylim=(Z_LOW, Z_HIGH))
         panel.set(xticks=[0, 1], yticks=[0, 1], xlabel="x [m]")
     axes[0, 0].set_ylabel("y [m]")
-    return figure
-
-
-def overlaps(study: Study) -> Figure:
-    """Draw each scene's overlap, true and by a model, of the first and the last of the users with invalid paths."""
-    table = study.table("overlap_scenes.csv", finite=("truth", "overlap"))
-    pair = table[(table["first"] == study.judged_users[0]) & (table["second"] == study.judged_users[-1])]
-    shown = [variant for variant in pair["variant"].unique() if variant in study.variants]
-    figure, axes = panels(1, len(shown), 3.6 * len(shown), 4.3, sharex=True, sharey=True)
-    for panel, variant in zip(axes[0], shown, strict=True):
-        rows, ends = pair[pair["variant"] == variant], (-0.02, 1.02)
-        panel.plot([0, 1], [0, 1], color=style.RULE)
-        shape, colour = style.MARKERS.get(variant, "X"), style.colour(variant)
-        panel.plot(rows["truth"], rows["overlap"], shape, color=colour, alpha=0.7)
-        panel.set(title=style.label(variant), xlabel="true overlap", aspect="equal", xlim=ends, ylim=ends)
-    axes[0, 0].set_ylabel("overlap by the model")
     return figure

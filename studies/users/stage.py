@@ -73,7 +73,7 @@ def agree(study: Settings, parameters: Any) -> None:
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write curve.csv and training.csv of whose paths they are, and the claims' tables.
 
-    These are clusters.csv, shown.csv (valid paths of the first seed), overlap.csv, overlap_scenes.csv, sampling.csv,
+    These are clusters.csv, shown.csv (valid paths of the first seed), overlap.csv, sampling.csv,
     verdicts.csv and codes.csv.
     """
     check_weights(cfg)
@@ -105,11 +105,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     truth = true_sets(cfg, layouts, z_theta)[:, None]
     sets = {v: p > DECISION for v, p in predict_all(fitted, users, images, z_theta, "overlap").items()}
     sets[POSITION] = np.stack([position_only(prior[user], z_theta) for user in users])[:, None] > DECISION
-    overlap, by_scene, gains = overlap_tables(users, sets, truth, before, held)
+    overlap, gains = overlap_tables(users, sets, truth, before, held)
     sets |= {RANDOM: np.ones_like(truth), TRUTH: truth}
     sampling, sample_gains = sampling_table(cfg, layouts, z_theta, sets, truth, held)
     write_table(out_dir / "overlap.csv", overlap)
-    write_table(out_dir / "overlap_scenes.csv", by_scene)
     write_table(out_dir / "sampling.csv", sampling)
     write_table(out_dir / "verdicts.csv", verdicts(clusters, gains | sample_gains))
     write_table(out_dir / "codes.csv", codes_table(cfg))
@@ -273,13 +272,13 @@ def overlap_tables(
     truth: Sets,
     training: Bool[Array, "user seed scene cell"],
     items: Items,
-) -> tuple[pd.DataFrame, pd.DataFrame, dict[tuple[str, str], Estimates]]:
-    """Return each source's error of the overlap of two users' valid sets, the overlaps by scene, and the gains.
+) -> tuple[pd.DataFrame, dict[tuple[str, str], Estimates]]:
+    """Return each source's error of the overlap of two users' valid sets, and the gains.
 
     The blind guess TYPICAL is a seed's mean true overlap in its training scenes. A gain is the decrease of the error by
     a variant, averaged over pairs of users, against that guess.
     """
-    rows, scenes, errors = [], [], {}
+    rows, errors = [], {}
     for i, j in combinations(range(len(users)), 2):
         true = jaccard(truth[i], truth[j])  # (1, scene)
         typical = jaccard(training[i], training[j]).mean(-1, keepdims=True)  # (seed, 1)
@@ -293,15 +292,13 @@ def overlap_tables(
             row = key | {"truth": true.mean(), "overlap": overlap.mean()}
             row |= estimate(error[None], items=items).row("error", "ci_low", "ci_high")
             rows.append(row | {"correlation": np.mean(r)})
-            part = key | {"scene": range(true.shape[1]), "truth": true[0], "overlap": overlap.mean(0)}
-            scenes.append(pd.DataFrame(part))
     blind = np.mean(errors.pop(TYPICAL), axis=0)
     gains = {
         ("overlap", v): estimate((blind - np.mean(x, axis=0))[None], items=items)
         for v, x in errors.items()
         if v != POSITION
     }
-    return pd.DataFrame(rows), pd.concat(scenes, ignore_index=True), gains
+    return pd.DataFrame(rows), gains
 
 
 # Samples

@@ -7,7 +7,7 @@ from pipeline.runtime.errors import InputError
 from tests.factories import composed, with_value
 
 WRONG = {  # study: values of its settings, each refused by the setting's name
-    "counterfactuals": "scenes=1000 | split=seen_scenes | example_variant=best",
+    "counterfactuals": "scenes=1000 | split=seen_scenes",
     "execution": "grip_m=0.0 | physics={walk: [full]} | shown_scene=1000 | shaker.below_m=0.2",
     "fairness": "scenes={full: [20]} | scenes.full=[12, 6] | scenes_seeds=1 | seen_scenes=7",
     "users": "draws=0 | samples=0 | samples=1000 | neighbours=0",

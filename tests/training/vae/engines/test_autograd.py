@@ -10,7 +10,7 @@ import torch
 from pipeline.models.base import to_tensor
 from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule
-from pipeline.training.vae.engines import engine, fit_batch
+from pipeline.training.vae.engines import engine, fit_by_autograd
 from tests.factories import WEIGHTS, noise_demos, vae
 
 GOLDEN = Path(__file__).parents[3] / "golden"
@@ -31,7 +31,7 @@ def discs(scenes: int = 4, n: int = 5):
 
 @pytest.mark.parametrize("variant", WEIGHTS)
 def test_the_learning_curve_is_the_golden_one_and_its_terms_add_up_to_its_total(variant):
-    (curve,) = fit_batch([vae(1)], *([x] for x in discs()), weights=WEIGHTS[variant], schedule=SHORT, seeds=[1])
+    (curve,) = fit_by_autograd([vae(1)], *([x] for x in discs()), weights=WEIGHTS[variant], schedule=SHORT, seeds=[1])
     golden = np.loadtxt(GOLDEN / f"curve_{variant}.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(curve, golden, rtol=5e-3, atol=1e-5)
     np.testing.assert_allclose(curve[:, 1:4].sum(1), curve[:, 4], rtol=1e-5)
@@ -64,7 +64,7 @@ def test_models_of_any_n_take_the_steps_of_equation_1_in_double_precision(varian
     theirs = copy.deepcopy(ours)
     sets = [noise_demos(seed, n=n) for seed, n in enumerate(NS)]
     images, z_theta, valid = zip(*sets, strict=True)
-    curves = fit_batch(ours, images, z_theta, valid, WEIGHTS[variant], schedule, range(len(NS)))
+    curves = fit_by_autograd(ours, images, z_theta, valid, WEIGHTS[variant], schedule, range(len(NS)))
     for seed, (model, plain) in enumerate(zip(ours, theirs, strict=True)):
         losses = exact(plain, *sets[seed], WEIGHTS[variant], schedule, seed)
         np.testing.assert_allclose(curves[seed][:, -1], losses, rtol=1e-9)
