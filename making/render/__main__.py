@@ -1,7 +1,6 @@
 """Render a split of scenes.
 
 python -m making.render --split validation_taught --seed 5 --into rendered/pictures/validation_taught
-python -m making.render.read rendered/pictures/validation_taught sheet.png     an overview to look at
 
 It runs in an environment of its own (requirements.txt beside this file), with PYTHONPATH=. and Python 3.11.
 SOURCE.md in the folder says what was made and how.

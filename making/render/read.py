@@ -1,9 +1,5 @@
-"""Read a folder that `python -m making.render` wrote, without Blender.
+"""Read a folder that `python -m making.render` wrote, without Blender."""
 
-`python -m making.render.read FOLDER sheet.png` draws an overview of it.
-"""
-
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +9,7 @@ from jaxtyping import UInt8
 from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
-from pipeline.world.images import read_image, write_png
+from pipeline.world.images import read_image
 from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
 
 SLOTS = 4  # of a layout: three items and an added one
@@ -87,16 +83,3 @@ def _layouts(items: pd.DataFrame, scenes: int) -> Layouts:
     for name in ("item", "angle", "scale", "half_length", "radius"):
         getattr(layouts, name)[place] = items[name].to_numpy()
     return layouts
-
-
-def overview(folder: Path, columns: int = 10) -> UInt8[Array, "row column 3"]:
-    """Return a picture of the first scenes in a folder: the empty table, the scene, and each added item below it."""
-    rendered = read_rendered(folder)
-    rows = [rendered.empty, rendered.images, *rendered.with_item.values()]
-    return np.concatenate([np.concatenate(list(row[:columns]), axis=1) for row in rows])
-
-
-if __name__ == "__main__":
-    if len(sys.argv) != 3:
-        sys.exit("expected a folder and the name of a PNG file: python -m making.render.read FOLDER sheet.png")
-    write_png(Path(sys.argv[2]), overview(Path(sys.argv[1])))

@@ -95,13 +95,11 @@ def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], p
     return Composites(images, instances, empty, np.array(names), see_through, look)
 
 
-def draw_arrangements(
-    rng: np.random.Generator, n: int, family: str, palette: Palette, light: float = 0.03
-) -> Composites:
-    """Draw `n` arrangements on one table under one camera, whose light varies by this standard deviation."""
+def draw_arrangements(rng: np.random.Generator, n: int, family: str, palette: Palette) -> Composites:
+    """Draw `n` arrangements on one table under one camera, whose light varies a little."""
     name, top = draw_top(rng, [family], TOP)
     setting = draw_setting(rng, top)
-    gains = rng.normal(1, light, n).astype(np.float32)
+    gains = rng.normal(1, 0.03, n).astype(np.float32)
     drawn = [draw_scene(rng, setting._replace(illumination=setting.illumination * g), palette) for g in gains]
     images, instances, empty, see_through, look = (np.stack(parts) for parts in zip(*drawn, strict=True))
     return Composites(images, instances, empty, np.array([name] * n), see_through, look)

@@ -41,7 +41,6 @@ Part = UInt8[Array, "picture 100 100 11"]  # channels: as named below
 COLOURS, EMPTY = slice(3), slice(3, 6)  # of the picture, and of the empty table's
 ITEM, BETWEEN, SEE_THROUGH = 6, 7, 8  # the truth, see `segmenter.Maps`
 KNOWN = 9  # whether item and between are known there
-LOOK = 10  # see `Composites`
 
 
 def draw(rng: np.random.Generator, n: int, data: str) -> list[Part]:

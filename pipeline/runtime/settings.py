@@ -8,13 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from pipeline.runtime.errors import InputError
 
-RESERVED = (
-    "truth",
-    "ideal",
-    "z",
-    "position_only",
-    "nearest_demonstration",
-)  # other meanings in tables and files
+RESERVED = "truth", "ideal", "z", "position_only", "nearest_demonstration"  # other meanings in tables and files
 NAME = "^[A-Za-z][A-Za-z0-9_-]*$"
 MAX_N = 10  # largest number of demonstrations per scene (paper: 10)
 Checked = TypeVar("Checked", bound="Group")

@@ -73,8 +73,7 @@ def agree(study: Settings, parameters: Any) -> None:
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write curve.csv and training.csv of whose paths they are, and the claims' tables.
 
-    These are clusters.csv, shown.csv (valid paths of the first seed), overlap.csv, sampling.csv,
-    verdicts.csv and codes.csv.
+    These are clusters.csv, overlap.csv, sampling.csv, verdicts.csv and codes.csv.
     """
     check_weights(cfg)
     study, users, seeds = cfg.studies.users, list(cfg.users), list(cfg.protocol.seeds)
@@ -94,9 +93,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     # Clusters: the demonstrations are the truth.
     cells = lattice(len(prior[users[0]]))
     before = np.stack([true_sets(cfg, scenes.layouts[name], cells) for name in training], axis=1)  # (user, seed, ...)
-    clusters, shown = cluster_tables(cfg, demos, before, np.stack([prior[user].ravel() for user in users]))
+    clusters = cluster_tables(cfg, demos, before, np.stack([prior[user].ravel() for user in users]))
     write_table(out_dir / "clusters.csv", clusters)
-    write_table(out_dir / "shown.csv", shown)
 
     # Overlap and samples: by the paper's model, and by the clearance model, which shows what can be reached.
     fitted = cfg.copy()
@@ -175,13 +173,13 @@ def by_path(variant: str, right: Float[Array, "path seed scene"], items: Items =
 
 def cluster_tables(
     cfg: DictConfig, demos: pd.DataFrame, training: Sets, prior: Float[Array, "user path"]
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return a row per measure, with its 95 % interval over seeds and p, and the valid paths of the first seed.
+) -> pd.DataFrame:
+    """Return a row per measure, with its 95 % interval over seeds and p.
 
     training: validity of z_theta on a lattice; prior: its mean over scenes. The last two rows are those of a perfect
     clusterer: of z_theta alone, and of z_theta with the table known.
     """
-    study, users, by_seed, shown = cfg.studies.users, list(cfg.users), [], []
+    study, users, by_seed = cfg.studies.users, list(cfg.users), []
     for seed in cfg.protocol.seeds:
         rng = stream(study.root_seed, "permutations", seed)
         own = demos[(demos["seed"] == seed) & demos["user"].isin(users)].sort_values("scene")
@@ -192,14 +190,13 @@ def cluster_tables(
         arrays = [demo_arrays(demos, seed, user, cfg.demos.per_scene) for user in cfg.evaluate.users]
         labels = [nearest_label(*of_user, rng, study.permutations) for of_user in arrays]
         by_seed.append(np.column_stack([by_user, np.mean(labels, axis=0)]))
-        shown.append(own[["user", "z_x", "z_y"]])
     values = np.stack(by_seed)  # (seed, draw, measure); draw 0: as shown
     shuffled, actual = values.mean(0)[1:], values.mean(0)[0]
     p = (1 + (shuffled >= actual).sum(0)) / (study.permutations + 1)
     table = over_seeds([*MEASURES, SAME_TABLE], values[:, 0]).assign(chance=shuffled.mean(0), p=p)
     perfect = [(best_accuracy(prior), best_accuracy(of_seed.astype(float))) for of_seed in training.swapaxes(0, 1)]
     perfect = over_seeds(["perfect, position", "perfect, table known"], np.array(perfect))
-    return pd.concat([table, perfect.assign(chance=1 / len(users))], ignore_index=True), shown[0]
+    return pd.concat([table, perfect.assign(chance=1 / len(users))], ignore_index=True)
 
 
 def over_seeds(names: list[str], values: Float[Array, "seed measure"]) -> pd.DataFrame:

@@ -6,9 +6,9 @@ weights of Eq. 1, the number of scenes and the schedule. Results differ by round
 (docs/decisions/004-engines.md).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -24,28 +24,19 @@ from pipeline.training import loop
 CURVE = ("step", "reconstruction", "kl", "classification", "total")  # columns of a learning curve
 
 
-class Engine(NamedTuple):
-    """An engine with `fit`(models, images, z_theta, valid, weights=, schedule=, seeds=, checkpoints=) -> curves."""
-
-    fit: Callable[..., list[Array]]
-    batch_size: int  # models per call of `fit`
-
-
-def engine(name: str) -> Engine:
-    """Return the engine `reference`, or simd for all other names; raise InputError if it lacks a package."""
-    if name == "reference":
-        return Engine(fit_by_autograd, 1)
-    try:
-        from pipeline.training.vae.engines.simd import LANES, fit_stack  # compiles on first import
-    except ModuleNotFoundError as error:
-        need = f"this variant needs {error.name}: pip install 'causal-specifications[pipeline]'"
-        raise InputError(need) from error
-    return Engine(fit_stack, LANES)
-
-
 def trainer(variant: Mapping[str, Any], train: Mapping[str, Any]) -> loop.Trainer:
-    """Return how a variant of the paper's model (conf/variants) is fitted with the settings of conf/train.yaml."""
-    fit, batch_size = engine(train["engine"])
+    """Return how a variant of the paper's model (conf/variants) is fitted with the settings of conf/train.yaml.
+
+    Raises InputError if the engine lacks a package.
+    """
+    fit, batch_size = fit_by_autograd, 1
+    if train["engine"] != "reference":
+        try:
+            from pipeline.training.vae.engines.simd import LANES, fit_stack  # compiles on first import
+        except ModuleNotFoundError as error:
+            need = f"this variant needs {error.name}: pip install 'causal-specifications[pipeline]'"
+            raise InputError(need) from error
+        fit, batch_size = fit_stack, LANES
     fit = partial(fit, weights=Weights.of(variant), schedule=loop.Schedule.of(train))
     return loop.Trainer(BetaVae, fit, CURVE, batch_size)
 

@@ -1,4 +1,4 @@
-"""Facts about torch's engine: its curves, its steps in double precision, repeated bits, and the choice of an engine."""
+"""Facts about torch's engine: its curves, its steps in double precision, and repeated bits."""
 
 import copy
 from pathlib import Path
@@ -10,7 +10,8 @@ import torch
 from pipeline.models.base import to_tensor
 from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule
-from pipeline.training.vae.engines import engine, fit_by_autograd
+from pipeline.training.vae.engines import fit_by_autograd
+from pipeline.training.vae.engines.simd import fit_stack
 from tests.factories import WEIGHTS, noise_demos, vae
 
 GOLDEN = Path(__file__).parents[3] / "golden"
@@ -73,12 +74,12 @@ def test_models_of_any_n_take_the_steps_of_equation_1_in_double_precision(varian
             assert error <= 1e-6 * wanted.norm(), f"{name} of model {seed}: {error:.1e}"
 
 
-@pytest.mark.parametrize("name", ["reference", "simd"])
+@pytest.mark.parametrize("fit", [fit_by_autograd, fit_stack])
 @pytest.mark.parametrize("label", [True, False])
-def test_labels_that_never_vary_give_laplaces_constant_without_training(name, label):
+def test_labels_that_never_vary_give_laplaces_constant_without_training(fit, label):
     (images, z_theta, valid), model, checkpoints = discs(), vae(1), Checkpoints([0])
     arguments = [model], [images], [z_theta], [np.full_like(valid, label)], WEIGHTS["full"], SHORT, [1], checkpoints
-    (curve,) = engine(name).fit(*arguments)
+    (curve,) = fit(*arguments)
     assert not checkpoints.of(model)
     expected = 21 / 22 if label else 1 / 22  # 20 demonstrations
     np.testing.assert_allclose(model.probability(images, z_theta), expected, rtol=1e-5)
