@@ -65,6 +65,12 @@ def test_each_stage_lists_every_package_it_imports_and_none_in_vain(imports: gri
     assert missing == [] and sorted(listed - needed) == []
 
 
+def test_no_stage_depends_on_a_variant_by_name():
+    """Else a study would not wait for a variant that is added, and would miss one that is left out."""
+    folders = ("outputs/train/", "outputs/irl/", "outputs/clearance/")
+    assert [name for name, stage in all_stages().items() for dep in stage["deps"] if dep.startswith(folders)] == []
+
+
 def test_metrics_are_headlines_and_nothing_else_stays_out_of_the_cache():
     """A plain output outside the cache makes a fresh clone run its stage again, unless all the stage's outputs are."""
     for name, stage in all_stages().items():
