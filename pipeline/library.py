@@ -36,7 +36,7 @@ from pipeline.planning.repair import repair as climb
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 from pipeline.stats.crossed import estimate
-from pipeline.stats.tests import verdict
+from pipeline.stats.tests import MIN_PAIRS, verdict
 from pipeline.training.loop import Checkpoints
 from pipeline.training.trainers import trainer
 from pipeline.world.bezier import Z_HIGH, Z_LOW
@@ -234,9 +234,9 @@ def effect(
     corrected for skewness (Hall, 1992), and do not cover other training sets. For a sequence of models with separate
     training sets, models and scenes are crossed random factors (pipeline.stats.crossed). Either test needs scenes in
     which the mean P(valid) of some model changes by more than INFORMATIVE_CHANGE: half of the scenes, or at least
-    INFORMATIVE_SCENES. With fewer, p is 1, and the interval is as wide as the share of such scenes allows (Clopper and
-    Pearson, 1934): an item that changes nothing in 60 scenes is negligible, in 30 undecided. Raises InputError as
-    `fit`.
+    INFORMATIVE_SCENES. With fewer, or with fewer than 6 scenes, p is 1, and the interval is as wide as the share of
+    such scenes allows (Clopper and Pearson, 1934): an item that changes nothing in 60 scenes is negligible, in 30
+    undecided. Raises InputError as `fit`.
     """
     _check_scenes(images, paths)
     _check_images(images_with_item, "images_with_item")
@@ -255,8 +255,9 @@ def effect(
         float(getattr(estimates, name)[0]) for name in ("effect", "p", "ci_low", "ci_high", "ci90_low", "ci90_high")
     )
     informative, scenes = int((np.abs(effects) > INFORMATIVE_CHANGE).any(0).sum()), len(images)
-    if informative < min(INFORMATIVE_SCENES, scenes / 2):
-        share, share90 = beta.ppf((0.975, 0.95), informative + 1, scenes - informative).tolist()  # of changes up to 1
+    if scenes < MIN_PAIRS or informative < min(INFORMATIVE_SCENES, scenes / 2):
+        still = max(scenes - informative, 1e-9)  # all scenes may change where all did
+        share, share90 = beta.ppf((0.975, 0.95), informative + 1, still).tolist()  # of changes up to 1
         p, low, high = 1.0, min(low, -share), max(high, share)
         low90, high90 = min(low90, -share90), max(high90, share90)
     return Effect(mean, (low, high), p, verdict(low, high, low90, high90))

@@ -209,6 +209,16 @@ def test_one_model_is_a_t_test_over_scenes_corrected_for_skewness(example, monke
         assert student.sf(abs(transformed), SCENES - 1) == pytest.approx(low, rel=1e-3)
 
 
+@pytest.mark.parametrize("count", [2, 5])
+def test_five_scenes_prove_no_effect_however_alike_their_changes_are(example, monkeypatch, count: int):
+    images, images_without, z_theta, _ = (array[:count] for array in example)
+    model = library.build({"kind": "vae", "model": library.VAE}, 0)
+    changes = iter([np.full((count, PATHS), p) + 0.001 * np.arange(count)[:, None] ** p for p in (0.2, 0.7)])
+    monkeypatch.setattr(type(model), "probability", lambda *_: next(changes))
+    effect = pipeline.effect(model, images_without, images, z_theta)
+    assert effect.p == 1 and effect.verdict == "undecided" and effect.interval == pytest.approx((-1, 1))
+
+
 def test_settings_are_those_of_conf():
     cfg = composed()
     unread = {"n_demos", "compared"}  # by fits

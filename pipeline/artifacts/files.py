@@ -13,7 +13,10 @@ from pipeline.runtime.reading import read_csv
 from pipeline.runtime.writing import atomic_write
 
 # columns of csv files that hold names, some of which people choose
-NAMES = "user", "other", "variant", "learner", "against", "question", "family", "symbol", "split", "note", "who"
+NAMES = (
+    *("user", "other", "first", "second", "variant", "learner", "against", "source", "question", "family"),
+    *("symbol", "added", "change", "split", "note", "who"),
+)
 
 
 def _need_file(path: Path) -> None:

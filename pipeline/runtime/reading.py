@@ -5,10 +5,11 @@ from io import StringIO
 from pathlib import Path
 
 import pandas as pd
+from pandas.api.types import infer_dtype
 
 
 def read_csv(path: Path, text: Collection[str]) -> pd.DataFrame:
-    """Return the csv (UTF-8) at `path`; columns in `text` hold what stands in the file, and an empty cell is missing.
+    """Return the csv (UTF-8) at `path`; in columns in `text`, and in all others of words, only an empty cell is missing.
 
     pandas alone would read a user called NA as missing, one called inf as a number and one called True as a truth
     value. Raises OSError, or ValueError for bytes that are no UTF-8 or no csv.
@@ -19,6 +20,7 @@ def read_csv(path: Path, text: Collection[str]) -> pd.DataFrame:
 def parse_csv(content: str, text: Collection[str]) -> pd.DataFrame:
     """Return the table of a csv's `content`, as `read_csv` does."""
     table = pd.read_csv(StringIO(content))
+    names = {name for name in table if name in text or infer_dtype(table[name], skipna=True) == "string"}
     strings = {"dtype": str, "keep_default_na": False, "na_values": [""]}
-    columns = pd.read_csv(StringIO(content), usecols=lambda name: name in text, **strings)
+    columns = pd.read_csv(StringIO(content), usecols=lambda name: name in names, **strings)
     return table.assign(**{str(name): column for name, column in columns.items()})

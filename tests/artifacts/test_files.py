@@ -53,6 +53,14 @@ def test_names_that_pandas_takes_for_missing_numbers_or_truth_values_stay_names(
     assert back["user"].tolist() == names and back["p"].isna().sum() == 1
 
 
+@pytest.mark.parametrize("column", ["first", "second", "source", "added", "change", "value", "top"])
+def test_a_name_stays_a_name_whatever_its_column_is_called(tmp_path: Path, column: str):
+    names = ["NA", "null", "careful", "None"]
+    write_table(tmp_path / "t.csv", pd.DataFrame({column: names, "valid": [True, None, False, True]}))
+    back = read_table(tmp_path / "t.csv")
+    assert back[column].tolist() == names and back["valid"].tolist()[2:] == [False, True]
+
+
 @pytest.mark.parametrize(("name", "read"), [("x.npz", read_arrays), ("x.parquet", read_table), ("x.json", read_json)])
 def test_a_missing_or_truncated_file_says_what_to_do(tmp_path: Path, name: str, read):
     with pytest.raises(InputError, match=r"missing.*make repro"):
