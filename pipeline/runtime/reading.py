@@ -9,7 +9,7 @@ from pandas.api.types import infer_dtype
 
 
 def read_csv(path: Path, text: Collection[str]) -> pd.DataFrame:
-    """Return the csv (UTF-8) at `path`; in columns in `text`, and in all others of words, only an empty cell is missing.
+    """Return the csv (UTF-8) at `path`; columns in `text`, and all of words, are text, and only empty cells missing.
 
     pandas alone would read a user called NA as missing, one called inf as a number and one called True as a truth
     value. Raises OSError, or ValueError for bytes that are no UTF-8 or no csv.
