@@ -32,6 +32,18 @@ def test_a_line_of_a_zigzag_is_divided_evenly_by_length():
     np.testing.assert_allclose(resample(zigzag, 4)[0, 0].numpy(), expected, atol=1e-6)
 
 
+@pytest.mark.parametrize("count", [2, 17, 161])
+def test_lines_with_stops_and_even_steps_are_divided_as_interpolation_along_the_length_says(count: int):
+    lines = np.repeat(np.round(np.random.default_rng(1).uniform(0, 1, (6, 40, 2)), 1), 3, axis=1)
+    lines[0] = np.linspace(0, 1, 120)[:, None]  # aims meet its points
+    divided = resample(torch.from_numpy(lines)[None], count)[0].numpy()
+    for line, points in zip(lines, divided, strict=True):
+        passed = np.r_[0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()]
+        aims = np.linspace(0, passed[-1], count)
+        expected = np.stack([np.interp(aims, passed, line[:, axis]) for axis in (0, 1)], -1)
+        np.testing.assert_allclose(points, expected, atol=1e-9)
+
+
 def test_clearances_of_a_curve_are_those_of_the_geometry_and_of_z_theta():
     seen, points = percept(LAYOUTS).float(), torch.from_numpy(POINTS).float()
     of_curve, of_z = passes(seen, points), passes(seen, torch.from_numpy(Z).float())
