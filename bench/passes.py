@@ -22,7 +22,7 @@ from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights, equation_1
 from pipeline.runtime.parallel import one_thread
 from pipeline.training.loop import Schedule
-from pipeline.training.vae.engines import fit_by_autograd
+from pipeline.training.vae.engines import fit_batch
 from pipeline.training.vae.engines.simd import Convolution, Stack, allocate, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
 
@@ -72,7 +72,7 @@ def rows(weights: Weights, scenes: int = SCENES, n_demos: int = N_DEMOS) -> Call
 def eager(weights: Weights, scenes: int = SCENES, n_demos: int = N_DEMOS) -> Callable[[], object]:
     """Return a function that makes STEPS steps of one model."""
     model, (images, z_theta, valid) = untrained(), training_set(scenes, n_demos)
-    return lambda: fit_by_autograd([model], [images], [z_theta], [valid], weights, SCHEDULE, seeds=[0])
+    return lambda: fit_batch([model], [images], [z_theta], [valid], weights, SCHEDULE, seeds=[0])
 
 
 def stacked(

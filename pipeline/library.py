@@ -54,7 +54,7 @@ SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants
 }
 TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearance
     "train": {
-        "steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10, "engine": "auto",
+        "steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10, "engine": "simd",
     },
     "irl": {
         "steps": {"maxent": 150, "ranked": 200},

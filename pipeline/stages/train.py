@@ -11,7 +11,7 @@ from pipeline.models.vae.losses import Weights
 from pipeline.runtime.settings import Count, Group, VariantSettings
 from pipeline.stages.fitting import fit_variant
 from pipeline.training.loop import Schedule
-from pipeline.training.vae.engines import trainer
+from pipeline.training.vae.engines import engine, trainer
 
 
 class VaeModel(Group):
@@ -21,7 +21,7 @@ class VaeModel(Group):
 
 
 class Settings(Schedule):
-    engine: Literal["auto", "simd", "reference"]
+    engine: Literal["simd", "cuda", "reference"]
     model: VaeModel
 
 
@@ -33,6 +33,7 @@ class Variant(VariantSettings, Weights):
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write weights, checkpoints, predictions and learning curves of `cfg.variant`."""
+    print(f"engine {engine(cfg.train.engine).name}", flush=True)
     fit_variant(cfg, out_dir, trainer)
 
 

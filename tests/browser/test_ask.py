@@ -61,6 +61,7 @@ def test_sixty_trials_are_judged_by_keys_over_a_kill_and_tell_what_the_person_re
         (sitting,) = sittings(folder).values()
         page.keyboard.press("Enter")  # favours neither answer
         judge(page, sitting, 0, 24)
+        ready(page)
         page.locator("#invalid").focus()
         for _ in range(3):  # held
             page.keyboard.down("Enter")

@@ -1,6 +1,6 @@
 """The loss of the paper, Eq. 1, term by term; each term states how it is reduced to a scalar.
 
-This is its definition, which the reference engine differentiates. Tests hold the gradient that was derived by hand for
+This is its definition, which the autograd engine differentiates. Tests hold the gradient that was derived by hand for
 the simd engine (training/vae/engines/simd.py `Stack`) against it.
 """
 
@@ -17,6 +17,7 @@ from pipeline.runtime.settings import Group, Size, Weight
 
 Pictures, Codes = Float[Tensor, "scene 3 row column"], Float[Tensor, "scene latent"]
 Labels = Bool[Tensor, "scene path"] | Float[Tensor, "scene path"]
+Share = Float[Tensor, " path"] | None
 
 
 class Weights(Group):
@@ -50,13 +51,16 @@ def kl(mean: Codes, log_variance: Codes) -> Float[Tensor, ""]:
     return 0.5 * (mean.square() + log_variance.exp() - log_variance - 1).sum(-1).mean()
 
 
-def classification(logits: LogOdds, valid: Labels) -> Float[Tensor, ""]:
-    """Return the binary cross-entropy of validity [nat]: mean over paths."""
-    return F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype))
+def classification(logits: LogOdds, valid: Labels, share: Share = None) -> Float[Tensor, ""]:
+    """Return the binary cross-entropy of validity [nat]: mean over paths, or weighted by their `share`."""
+    if share is None:
+        return F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype))
+    each = F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype), reduction="none")
+    return (each * share).sum(1).mean()
 
 
 def equation_1(
-    model: BetaVae, images: Pictures, z_theta: Paths, valid: Labels, weights: Weights, noise: Codes
+    model: BetaVae, images: Pictures, z_theta: Paths, valid: Labels, weights: Weights, noise: Codes, share: Share = None
 ) -> Terms:
     """Return the terms of Eq. 1 on labelled paths; each scene is encoded once for all its paths.
 
@@ -72,4 +76,4 @@ def equation_1(
         divergence = weights.beta * kl(mean, log_variance)
     if weights.alpha:
         error = weights.alpha * reconstruction(model.decode(z_image), images)
-    return Terms(error, divergence, weights.gamma * classification(model.logit(z_image, z_theta), valid))
+    return Terms(error, divergence, weights.gamma * classification(model.logit(z_image, z_theta), valid, share))

@@ -1,4 +1,4 @@
-"""Facts about torch's engine: its curves, its steps in double precision, and repeated bits."""
+"""Facts about torch's engine: its curves, its steps in double precision, repeated bits, and the choice of an engine."""
 
 import copy
 from pathlib import Path
@@ -10,8 +10,7 @@ import torch
 from pipeline.models.base import to_tensor
 from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule
-from pipeline.training.vae.engines import fit_by_autograd
-from pipeline.training.vae.engines.simd import fit_stack
+from pipeline.training.vae.engines import engine, fit_batch
 from tests.factories import WEIGHTS, noise_demos, vae
 
 GOLDEN = Path(__file__).parents[3] / "golden"
@@ -32,7 +31,7 @@ def discs(scenes: int = 4, n: int = 5):
 
 @pytest.mark.parametrize("variant", WEIGHTS)
 def test_the_learning_curve_is_the_golden_one_and_its_terms_add_up_to_its_total(variant):
-    (curve,) = fit_by_autograd([vae(1)], *([x] for x in discs()), weights=WEIGHTS[variant], schedule=SHORT, seeds=[1])
+    (curve,) = fit_batch([vae(1)], *([x] for x in discs()), weights=WEIGHTS[variant], schedule=SHORT, seeds=[1])
     golden = np.loadtxt(GOLDEN / f"curve_{variant}.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(curve, golden, rtol=5e-3, atol=1e-5)
     np.testing.assert_allclose(curve[:, 1:4].sum(1), curve[:, 4], rtol=1e-5)
@@ -65,7 +64,7 @@ def test_models_of_any_n_take_the_steps_of_equation_1_in_double_precision(varian
     theirs = copy.deepcopy(ours)
     sets = [noise_demos(seed, n=n) for seed, n in enumerate(NS)]
     images, z_theta, valid = zip(*sets, strict=True)
-    curves = fit_by_autograd(ours, images, z_theta, valid, WEIGHTS[variant], schedule, range(len(NS)))
+    curves = fit_batch(ours, images, z_theta, valid, WEIGHTS[variant], schedule, range(len(NS)))
     for seed, (model, plain) in enumerate(zip(ours, theirs, strict=True)):
         losses = exact(plain, *sets[seed], WEIGHTS[variant], schedule, seed)
         np.testing.assert_allclose(curves[seed][:, -1], losses, rtol=1e-9)
@@ -74,12 +73,12 @@ def test_models_of_any_n_take_the_steps_of_equation_1_in_double_precision(varian
             assert error <= 1e-6 * wanted.norm(), f"{name} of model {seed}: {error:.1e}"
 
 
-@pytest.mark.parametrize("fit", [fit_by_autograd, fit_stack])
+@pytest.mark.parametrize("name", ["reference", "simd"])
 @pytest.mark.parametrize("label", [True, False])
-def test_labels_that_never_vary_give_laplaces_constant_without_training(fit, label):
+def test_labels_that_never_vary_give_laplaces_constant_without_training(name, label):
     (images, z_theta, valid), model, checkpoints = discs(), vae(1), Checkpoints([0])
     arguments = [model], [images], [z_theta], [np.full_like(valid, label)], WEIGHTS["full"], SHORT, [1], checkpoints
-    (curve,) = fit(*arguments)
+    (curve,) = engine(name).fit(*arguments)
     assert not checkpoints.of(model)
     expected = 21 / 22 if label else 1 / 22  # 20 demonstrations
     np.testing.assert_allclose(model.probability(images, z_theta), expected, rtol=1e-5)

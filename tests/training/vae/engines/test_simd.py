@@ -17,7 +17,7 @@ from llvmlite.binding import get_host_cpu_features
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule, pad_demonstrations
-from pipeline.training.vae.engines import fit_by_autograd
+from pipeline.training.vae.engines import fit_batch
 from pipeline.training.vae.engines import simd_kernels as lanes
 from pipeline.training.vae.engines.simd import Stack, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES
@@ -85,7 +85,7 @@ def test_a_step_is_that_of_the_autograd_engine_and_constants_stand_beside():
     ours, theirs, checkpoints = [vae(1), vae(2)], [vae(1), vae(2)], [Checkpoints([0, 2]), Checkpoints([0, 2])]
     images, z_theta, valid = zip(noise_demos(1), noise_demos(2, n=2), strict=True)
     arguments = images, z_theta, (valid[0], np.ones_like(valid[1])), WEIGHTS["full"], once, [7, 8]
-    curves = fit_stack(ours, *arguments, checkpoints[0]), fit_by_autograd(theirs, *arguments, checkpoints[1])
+    curves = fit_stack(ours, *arguments, checkpoints[0]), fit_batch(theirs, *arguments, checkpoints[1])
     for i, (model, other) in enumerate(zip(ours, theirs, strict=True)):
         np.testing.assert_allclose(curves[0][i], curves[1][i], rtol=1e-4, atol=1e-7)
         kept, wanted = (of.of(one) for of, one in zip(checkpoints, (model, other), strict=True))
