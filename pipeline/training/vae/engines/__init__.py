@@ -73,7 +73,7 @@ def fit_models(descend, models, images, z_theta, valid, weights, schedule, seeds
 
     for model, scenes in zip(models, images, strict=True):
         model.standardise(scenes)
-    z_theta = [m.numbers(torch.from_numpy(z)).numpy() for m, z in zip(models, z_theta, strict=True)]
+    z_theta = [m.numbers(torch.tensor(z)).numpy() for m, z in zip(models, z_theta, strict=True)]
     descend = partial(descend, weights, schedule)
     return loop.fit_varied(descend, set_constant, models, images, z_theta, valid, seeds, checkpoints)
 
