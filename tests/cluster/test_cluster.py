@@ -14,8 +14,8 @@ import pytest
 
 from tests.sweep.running import SMALL, clone_of_working_tree, command, environment, jobs, results, sweep
 
-JOBS = 20
-SERIAL = [5, 6, 23, 24]  # values that are run serially, too
+JOBS = 10
+SERIAL = [5, 14]  # values that are run serially, too
 RAY = str(Path(sys.executable).parent / "ray")
 
 
