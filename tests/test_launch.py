@@ -97,8 +97,8 @@ if __name__ == "__main__":
     else:
         time.sleep(15)  # at work
         stage.kill()
-    _, stderr = stage.communicate(timeout=20)  # until its workers have closed it, too
+    _, stderr = stage.communicate(timeout=20 if sent == signal.SIGINT else 120)
     assert stage.returncode == (130 if sent == signal.SIGINT else -sent)
     assert "Traceback" not in stderr.decode()
     assert sent == signal.SIGKILL or stderr.decode().splitlines()[-1].endswith("error: interrupted")
-    assert not [worker for worker in workers if worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE]
+    assert not [one for one in psutil.wait_procs(workers, timeout=20)[1] if one.status() != psutil.STATUS_ZOMBIE]
