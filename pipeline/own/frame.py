@@ -80,8 +80,8 @@ def rectify(
     longest = max(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1))
     finer = int(np.clip(np.ceil(longest / CANVAS_PX), 1, MAX_FINER))
     size = finer * columns, finer * rows
-    places = ((each - 0.5).astype(np.float32) for each in (corners, whole(*size)))  # from the first pixel's centre
-    matrix, borders = cv2.getPerspectiveTransform(*places), cv2.BORDER_REPLICATE
+    seen, wanted = ((each - 0.5).astype(np.float32) for each in (corners, whole(*size)))  # from a pixel's centre
+    matrix, borders = cv2.getPerspectiveTransform(seen, wanted), cv2.BORDER_REPLICATE
     warped = cv2.warpPerspective(picture, matrix, size, flags=cv2.INTER_LINEAR, borderMode=borders)
     table = cv2.resize(warped, (columns, rows), interpolation=cv2.INTER_AREA)
     inner = np.ascontiguousarray(table[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX])
