@@ -99,7 +99,6 @@ test-cluster: data-here $(CLUSTER)  ## sweeps on Ray (two nodes, one is killed) 
 check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an environment of its own
 	test -x .venv-dowhy/bin/python || $(PYTHON) -m venv .venv-dowhy
 	.venv-dowhy/bin/python -m pip install --quiet --disable-pip-version-check -r tests/dowhy/requirements.txt
-	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/toy.py
 	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/stages.py
 
 smoke: $(READY)  ## the whole graph, studies too (execution after `make studies`), and sweeps, tiny, in throwaway clones, and what is promised of them

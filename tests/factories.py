@@ -39,16 +39,15 @@ from pipeline.world.layout import (
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import Margins, valid
 
-RULES = LayoutRules(
-    items_per_scene=(2, 3),
-    glasses_chance=(0.05, 0.35, 0.40, 0.20),
-    centre_low=0.12,
-    centre_high=0.88,
-    clear_of_ends=0.12,
-    clear_of_items=0.015,
-    scale_low=0.97,
-    scale_high=1.03,
-)  # as in conf/scenes.yaml
+_composed = cache(lambda *overrides: compose(list(overrides)))
+
+
+def composed(*overrides: str) -> DictConfig:
+    """What `compose` gives, composed once for all tests: a copy that a test may change."""
+    return _composed(*overrides).copy()
+
+
+RULES = LayoutRules.of(composed().scenes.layout)
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 # Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
 ROUND_AND_OVAL = Items(
@@ -70,20 +69,10 @@ MARGINS: dict[str, Margins] = {  # [m] of the paper's users
 RED, WHITE = (0.8, 0.2, 0.2), (0.9, 0.9, 0.9)
 
 
-@cache
-def _composed(*overrides: str) -> DictConfig:
-    return compose(list(overrides))
-
-
 def as_controls(z_theta: np.ndarray) -> np.ndarray:
     """The three control points [m] of the paper's paths."""
     ends = [np.broadcast_to(end, z_theta.shape) for end in (P_INIT, P_F)]
     return np.stack([ends[0], z_theta, ends[1]], axis=-2)
-
-
-def composed(*overrides: str) -> DictConfig:
-    """What `compose` gives, composed once for all tests: a copy that a test may change."""
-    return _composed(*overrides).copy()
 
 
 def with_value(cfg: DictConfig, row: str) -> DictConfig:
@@ -150,6 +139,25 @@ def draw_table(*discs, seed=0, grain=0.02) -> np.ndarray:
     for at_x, at_y, radius, colour in discs:
         image[np.hypot(x - SIDE * at_x, SIDE * (1 - at_y) - y) < SIDE * radius] = colour
     return (255 * image.clip(0, 1)).round().astype(np.uint8)
+
+
+def capsules(rng: np.random.Generator, scenes: int = 20, slots: int = 3) -> Layouts:
+    """Capsules anywhere, also across one another."""
+    none = np.zeros((scenes, slots), int)
+    return Layouts(
+        none, none.copy(), rng.uniform(0.1, 0.9, (scenes, slots, 2)), rng.uniform(-3, 3, none.shape),
+        np.ones(none.shape), rng.uniform(0, 0.1, none.shape), rng.uniform(0.01, 0.08, none.shape),
+    )  # fmt: skip
+
+
+def two_discs(rng: np.random.Generator, count: int, red: bool = True) -> tuple[Layouts, np.ndarray]:
+    """Layouts and images of a large red and a small white disc each; without `red`, the images lack that one."""
+    layouts = capsules(rng, count, 2)
+    layouts.half_length[:], layouts.radius[:] = 0, (0.075, 0.045)
+    layouts.centre[:, 0] = rng.uniform((0.12, 0.55), (0.45, 0.88), (count, 2))
+    layouts.centre[:, 1] = rng.uniform((0.55, 0.12), (0.88, 0.45), (count, 2))
+    discs = [[(*b, 0.045, WHITE), (*a, 0.075, RED)][: 1 + red] for a, b in layouts.centre]
+    return layouts, np.stack([draw_table(*each, seed=i) for i, each in enumerate(discs)])
 
 
 def rendered_scenes(cfg: DictConfig, pools: Mapping[str, tuple[int, str]]) -> SceneSet:

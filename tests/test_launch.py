@@ -72,7 +72,8 @@ def test_a_sweep_goes_on_after_a_bad_value_names_it_and_fails(run, tmp_path: Pat
     assert "error: train.rate=-1: parameter train.rate is -1" in err
 
 
-def test_ctrl_c_ends_a_stage_and_its_workers_at_once(tmp_path: Path):
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
+def test_ctrl_c_or_a_kill_ends_a_stage_and_its_workers_at_once(tmp_path: Path, sent: signal.Signals):
     script = """
 import time
 from pipeline.launch import launch
@@ -90,9 +91,14 @@ if __name__ == "__main__":
     while len(workers := psutil.Process(stage.pid).children(recursive=True)) < 3:  # two, and what keeps track of them
         assert stage.poll() is None, "it ended before its workers began"
         time.sleep(0.1)
-    time.sleep(2)  # in the middle of their imports
-    os.killpg(stage.pid, signal.SIGINT)
-    _, stderr = stage.communicate(timeout=20)
-    assert stage.returncode == 130
-    assert stderr.decode().splitlines()[-1].endswith("error: interrupted") and "Traceback" not in stderr.decode()
-    assert not psutil.wait_procs(workers, timeout=20)[1]
+    if sent == signal.SIGINT:
+        time.sleep(2)  # in the middle of their imports
+        os.killpg(stage.pid, sent)
+    else:
+        time.sleep(15)  # at work
+        stage.kill()
+    _, stderr = stage.communicate(timeout=20 if sent == signal.SIGINT else 120)
+    assert stage.returncode == (130 if sent == signal.SIGINT else -sent)
+    assert "Traceback" not in stderr.decode()
+    assert sent == signal.SIGKILL or stderr.decode().splitlines()[-1].endswith("error: interrupted")
+    assert not [one for one in psutil.wait_procs(workers, timeout=20)[1] if one.status() != psutil.STATUS_ZOMBIE]

@@ -95,9 +95,9 @@ def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> 
     longer = step / step.where(step > STILL * side).groupby(number).transform("quantile", 0.75)  # than its usual steps
     beside = pd.concat([speed.groupby(number).shift(rows) for rows in BESIDE], axis=1)
     gap = (seconds > 0) & (step > LOST * side) & (longer > TELEPORT) & ~(faster > TELEPORT)
-    away_and_back = np.minimum(faster, faster.groupby(number).shift(-1)) > CATCH_UP
+    returns = np.minimum(faster, faster.groupby(number).shift(-1)) > CATCH_UP
     lone = (speed > LONE * beside.median(axis=1)) & (step > LOST * side) & (longer > CATCH_UP) & (seconds < BRIEF_S)
-    teleport = (faster > TELEPORT) | lone & ~gap & ~away_and_back
+    teleport = (faster > TELEPORT) | lone & ~gap & ~returns
     samples = samples.assign(step=step, seconds=seconds, held=held)
     wrong = {
         "jumps by {step:.2g} m in {seconds:g} s: remove samples that were lost, and name each recording differently": (
@@ -106,9 +106,7 @@ def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> 
         "stands still for {held:g} rows and then jumps by {step:.2g} m: remove the rows of a frozen tracker": (
             (held >= FROZEN_ROWS) & (faster > CATCH_UP)
         ),
-        "leaves its path for one row, to ({x:g}, {y:g}) m: remove samples that were lost": (
-            away_and_back & (across < step)
-        ),
+        "leaves its path for one row, to ({x:g}, {y:g}) m: remove samples that were lost": (returns & (across < step)),
         "is at (0, 0), where lost samples are logged: remove these rows": (
             (samples[places] == 0).all(axis=1) & (step > LOST * side)
         ),

@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import yaml
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from numpy import ndarray as Array
 
 from pipeline.models.base import ValidityModel
@@ -25,7 +25,7 @@ ENDS = "ci_low", "ci_high"  # columns of an interval
 FIELDS = 50  # of a mask, along the table's longer side
 STANDING_M = 1e-3  # length of the path by which a place is asked [m of the model]
 OCCUPIED, FREE = 0, 254  # grey of a mask's fields, as Nav2 reads them
-PATH, STAMPED = "nav_msgs/msg/Path", "geometry_msgs/msg/PoseStamped"
+PATH = "nav_msgs/msg/Path"
 
 
 def write_exports(results: Results, folder: Path) -> None:
@@ -99,24 +99,17 @@ def _write_bag(folder: Path, results: Results) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     types: Any = store.types
 
-    def header(second: int) -> Any:
-        stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
-        return types["std_msgs/msg/Header"](stamp=stamp, frame_id="table")
-
-    def pose(point: Float[Array, "2"], second: int) -> Any:
-        place = types["geometry_msgs/msg/Point"](x=float(point[0]), y=float(point[1]), z=0.0)
-        turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
-        return types[STAMPED](
-            header=header(second), pose=types["geometry_msgs/msg/Pose"](position=place, orientation=turn)
-        )
-
+    upright = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
     with Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP) as bag:
-        topics = {
-            user: bag.add_connection(f"/repaired/user_{number}", PATH, typestore=store)
-            for number, user in enumerate(results.fitted, 1)
-        }
+        names = {user: f"/repaired/user_{number}" for number, user in enumerate(results.fitted, 1)}
+        topics = {user: bag.add_connection(name, PATH, typestore=store) for user, name in names.items()}
         for second, row in enumerate(results.tables["repaired"].itertuples(), 2):  # as a spreadsheet counts
             points = results.repaired_paths(str(row.user), str(row.scene)).get(str(row.demo))
             if points is not None:
-                message = types[PATH](header=header(second), poses=[pose(point, second) for point in points])
+                stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
+                header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="table")
+                places = [types["geometry_msgs/msg/Point"](x=x, y=y, z=0.0) for x, y in points.tolist()]
+                poses = [types["geometry_msgs/msg/Pose"](position=place, orientation=upright) for place in places]
+                stamped = [types["geometry_msgs/msg/PoseStamped"](header=header, pose=pose) for pose in poses]
+                message = types[PATH](header=header, poses=stamped)
                 bag.write(topics[str(row.user)], second * 1_000_000_000, store.serialize_cdr(message, PATH))

@@ -44,12 +44,10 @@ def next_scenes(results: Results) -> pd.DataFrame:
 
 def distances(results: Results) -> pd.DataFrame:
     """Return what share of paths each user accepts by kind and clearance of an item; clearance: in words."""
-    ends = dict(itertools.pairwise(DISTANCES_M))
     table = results.tables["asked_distances"].sort_values(["user", "from_m", "kind"])
-    words = [
-        f"{100 * m:.0f} to {100 * ends[m]:.0f} cm" if m in ends else f"from {100 * m:.0f} cm" for m in table["from_m"]
-    ]
-    return table.assign(clearance=words)
+    words = {m: f"{100 * m:.0f} to {100 * end:.0f} cm" for m, end in itertools.pairwise(DISTANCES_M)}
+    words[DISTANCES_M[-1]] = f"from {100 * DISTANCES_M[-1]:.0f} cm"
+    return table.assign(clearance=table["from_m"].map(words))
 
 
 def _draw(panel: Axes, image: Array, frame: Frame, around: float = 0) -> None:

@@ -52,11 +52,6 @@ def whole(width: int, height: int) -> Float[Array, "4 2"]:
     return np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
 
 
-def homography(corners: Float[Array, "4 2"], others: Float[Array, "4 2"]) -> Float[Array, "3 3"]:
-    """Return the matrix between places in pixels as OpenCV warps: it counts from the first pixel's centre."""
-    return cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), (others - 0.5).astype(np.float32))
-
-
 def to_metres(corners: Float[Array, "4 2"], size_m: Sequence[float] | Array) -> Float[Array, "3 3"]:
     """Return the matrix from a picture's places [px] to metres on the table, whose near left corner is (0, 0)."""
     table = np.asarray(size_m) * np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
@@ -85,7 +80,8 @@ def rectify(
     longest = max(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1))
     finer = int(np.clip(np.ceil(longest / CANVAS_PX), 1, MAX_FINER))
     size = finer * columns, finer * rows
-    matrix, borders = homography(corners, whole(*size)), cv2.BORDER_REPLICATE
+    seen, wanted = ((each - 0.5).astype(np.float32) for each in (corners, whole(*size)))  # from a pixel's centre
+    matrix, borders = cv2.getPerspectiveTransform(seen, wanted), cv2.BORDER_REPLICATE
     warped = cv2.warpPerspective(picture, matrix, size, flags=cv2.INTER_LINEAR, borderMode=borders)
     table = cv2.resize(warped, (columns, rows), interpolation=cv2.INTER_AREA)
     inner = np.ascontiguousarray(table[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX])

@@ -129,9 +129,8 @@ def _from_csv(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]
     short = items[items["half_length_m"] < 0]
     faults.rows(ITEMS, short, "half_length_m is {half_length_m:g}: expected metres from 0")
     far = items[((items[["x", "y"]] < 0) | (items[["x", "y"]] > size)).any(axis=1)]
-    faults.rows(
-        ITEMS, far, f"({{x:g}}, {{y:g}}) is not on the table: expected metres from 0 to {size[0]:g} and {size[1]:g}"
-    )
+    metres = f"expected metres from 0 to {size[0]:g} and {size[1]:g}"
+    faults.rows(ITEMS, far, f"({{x:g}}, {{y:g}}) is not on the table: {metres}")
     for row in items.itertuples():
         turn = np.radians(row.angle_deg)
         arm = np.array([np.cos(turn), np.sin(turn)]) * row.half_length_m

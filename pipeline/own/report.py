@@ -41,7 +41,8 @@ def write_report(results: Results, out_dir: Path) -> None:
     render_page("index", "page.html.j2", figures, results, made, site)
     tables = {name: on_the_table(table, results.folder.frame) for name, table in results.tables.items()}
     site.tables.update(tables)
-    site.tables.update({name: without_formulas(table) for name, table in site.tables.items()})
+    for name, table in site.tables.items():  # no spreadsheet should take a text for a formula: ' stands before it
+        site.tables[name] = table.replace(r"^(?=[=+\-@\t\r])", "'", regex=True).replace({np.nan: None})
     part, old = (out_dir.with_name(f".{out_dir.name}-{state}") for state in ("part", "old"))
     shutil.rmtree(part, ignore_errors=True)
     write_files(site, part)
@@ -61,8 +62,3 @@ def on_the_table(table: pd.DataFrame, frame: Frame) -> pd.DataFrame:
     """Return a table whose control points, if it has any, are in metres on the table, not the model's."""
     columns = [name for name in table if re.fullmatch(r"c\d_[xy]", str(name))]
     return table.assign(**{name: table[name] / frame.scale for name in columns})
-
-
-def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table for csv whose texts no spreadsheet takes for a formula: ' stands before = + - @ tab and return."""
-    return table.replace(r"^(?=[=+\-@\t\r])", "'", regex=True).replace({np.nan: None})

@@ -88,12 +88,10 @@ class Seen:
         """Return the same scenes as the detector alone sees them, with the kinds that were named."""
         return replace(self, told={}, ways=[ALONE] * len(self.ways))
 
-    def with_items(
-        self, scenes: Sequence[int], images: Sequence[Image], outlines: Sequence[Array], kind: str
-    ) -> Objects:
-        """Return the objects of scenes to which an item of a kind was added; outlines [m of the model]: the item's."""
+    def with_items(self, scenes: Sequence[int], images: Sequence[Image], rings: Sequence[Array], kind: str) -> Objects:
+        """Return the objects of scenes to which an item of a kind was added; rings [m of the model]: its outlines."""
         parts, doubts = [], []
-        for scene, image, ring in zip(scenes, images, outlines, strict=True):
+        for scene, image, ring in zip(scenes, images, rings, strict=True):
             if self.ways[scene] == TOLD:
                 added = describe_outlined(image, [_outline([ring])])
                 parts.append([*self._scene(scene), *(self._final(one, kind) for one in added)])

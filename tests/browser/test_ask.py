@@ -47,9 +47,7 @@ def judge(page: Page, sitting: Sitting, begin: int, end: int) -> None:
     expect(page.locator("#count")).to_contain_text(f"{end} judged", timeout=WAIT_MS)
 
 
-def test_sixty_trials_are_judged_by_keys_over_a_kill_and_tell_what_the_person_reacts_to(
-    page: Page, tmp_path: Path, monkeypatch
-):
+def test_sixty_trials_judged_by_keys_over_a_kill_tell_what_a_person_reacts_to(page: Page, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(folders, "SCENES", tuple("abcdefgh"))
     folder = make_folder(tmp_path / "table")
     add_kind(folder)

@@ -41,12 +41,10 @@ def test_the_first_page_fits_four_screens(opened: Opened):
 
 
 def test_the_dark_scheme_turns_page_and_figures_dark(opened: Opened):
-    grounds = [
-        opened("causes", scheme=s).evaluate("getComputedStyle(document.body).backgroundColor")
-        for s in ("light", "dark")
-    ]
+    pages = [opened("causes", scheme=scheme) for scheme in ("light", "dark")]
+    grounds = [page.evaluate("getComputedStyle(document.body).backgroundColor") for page in pages]
     assert grounds == ["rgb(255, 255, 255)", "rgb(20, 23, 26)"]
-    shots = [opened("causes", scheme=s).locator("figure img").first.screenshot() for s in ("light", "dark")]
+    shots = [page.locator("figure img").first.screenshot() for page in pages]
     assert shots[0] != shots[1]
 
 

@@ -30,14 +30,10 @@ def scm() -> SCM:
 def noises(units: int = UNITS) -> Values:
     rng = np.random.default_rng(0)
     return {
-        "S": rng.integers(len(USERS), size=units),
-        "O": rng.integers(0, 3, units),
-        "T": rng.uniform(0, 0.5, units),
-        "Z_theta": rng.random((units, 2)),
-        "I": rng.uniform(0, 0.2, units),
-        "Z_I": np.zeros(units),
+        "S": rng.integers(len(USERS), size=units), "O": rng.integers(0, 3, units), "T": rng.uniform(0, 0.5, units),
+        "Z_theta": rng.random((units, 2)), "I": rng.uniform(0, 0.2, units), "Z_I": np.zeros(units),
         "V": rng.random(units),
-    }
+    }  # fmt: skip
 
 
 def test_the_graph_is_acyclic_and_the_papers_printed_parent_sets_are_a_cycle(scm: SCM):

@@ -1,10 +1,9 @@
 """Break runs of the smoke profile on purpose and count how they end: `make test-faults`; Linux, as root.
 
-python -m tests.faults [--kills N] [--seed S] [--only WORD] [--whole DIR] [--out FILE]
+python -m tests.faults [--kills N] [--only WORD] [--whole DIR] [--out FILE]
 
 A fault must end in a clear message or in the bytes of an unbroken run. Exit status 1 if one does not. --whole names a
-finished `tests/smoke/run.sh DIR` to compare with and saves making one. --out keeps a table: what runs replaces its rows
-there, so that a long count can be made in parts.
+finished `tests/smoke/run.sh DIR` to compare with and saves making one. --out writes the table as csv.
 """
 
 import argparse
@@ -16,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -252,37 +251,28 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--kills", type=int, default=5, help="times that a run is killed")
-    parser.add_argument("--seed", type=int, default=0, help="of the moments and places")
     parser.add_argument("--only", default="", help="faults whose name holds this word")
     parser.add_argument("--whole", type=Path, help="a finished smoke run")
     parser.add_argument("--out", type=Path, help="csv to write")
     given = parser.parse_args()
-    table = pd.read_csv(given.out, keep_default_na=False) if given.out and given.out.is_file() else pd.DataFrame()
+    table = pd.DataFrame()
     with tempfile.TemporaryDirectory() as temporary:
         whole = (given.whole or Path(temporary) / "whole").absolute()
         if not given.whole:
             subprocess.run(["bash", "tests/smoke/run.sh", str(whole)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         for fault in (fault for fault in FAULTS if given.only in fault.__name__):
             folder = Path(temporary) / fault.__name__
-            ends = fault(Fault(whole, folder, np.random.default_rng(given.seed), given.kills))
+            ends = fault(Fault(whole, folder, np.random.default_rng(0), given.kills))
             shutil.rmtree(folder, ignore_errors=True)
-            table = _with_rows(table, str(fault.__doc__), ends, (str(folder), temporary))
-            print(table[table["fault"] == fault.__doc__].to_string(index=False, header=False), flush=True)
+            rows = pd.DataFrame(ends, columns=["end", "message"]).assign(fault=fault.__doc__)
+            for name in (str(folder), temporary):
+                rows["message"] = rows["message"].str.replace(name, "", regex=False)
+            counts = rows.value_counts(["fault", "end", "message"], sort=False).reset_index(name="times")
+            print(counts.to_string(index=False, header=False), flush=True)
+            table = pd.concat([table, counts[["fault", "times", "end", "message"]]], ignore_index=True)
             if given.out:
                 write_table(given.out, table)
     return int((table["end"] == WRONG).any())
-
-
-def _with_rows(table: pd.DataFrame, fault: str, ends: Ends, folders: Sequence[str]) -> pd.DataFrame:
-    """Return a table (fault, times, end, message) in the order of FAULTS with a fault's rows replaced by new ones."""
-    rows = pd.DataFrame(ends, columns=["end", "message"]).assign(fault=fault)
-    for name in folders:
-        rows["message"] = rows["message"].str.replace(name, "", regex=False)
-    counts = rows.value_counts(["fault", "end", "message"], sort=False).reset_index(name="times")
-    order = [str(fault.__doc__) for fault in FAULTS]
-    others = table[table["fault"].isin(order) & (table["fault"] != fault)] if len(table) else table  # no former ones
-    both = pd.concat([others, counts[["fault", "times", "end", "message"]]])
-    return both.sort_values("fault", key=lambda names: names.map(order.index), kind="stable").reset_index(drop=True)
 
 
 if __name__ == "__main__":

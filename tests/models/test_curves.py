@@ -26,12 +26,6 @@ def test_the_papers_paths_are_bezier_curves_of_degree_2():
     np.testing.assert_allclose(bezier(as_controls(Z), 33), curve(Z, 33), atol=1e-12)
 
 
-def test_a_line_of_a_zigzag_is_divided_evenly_by_length():
-    zigzag = torch.tensor([[[[0.0, 0], [0.3, 0.4], [0.3, 0.4], [0.3, 1.4]]]])
-    expected = [[0, 0], [0.3, 0.4], [0.3, 0.9], [0.3, 1.4]]
-    np.testing.assert_allclose(resample(zigzag, 4)[0, 0].numpy(), expected, atol=1e-6)
-
-
 @pytest.mark.parametrize("count", [2, 17, 161])
 def test_lines_with_stops_and_even_steps_are_divided_as_interpolation_along_the_length_says(count: int):
     lines = np.repeat(np.round(np.random.default_rng(1).uniform(0, 1, (6, 40, 2)), 1), 3, axis=1)

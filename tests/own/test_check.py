@@ -117,25 +117,19 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "huge picture": (huge, "scenes/tea.png has 20000 x 20000 pixels: expected at most 50 megapixels"),
     "one name twice": (picture(draw_table(), "scenes/tea.jpg"), "are one scene 'tea'"),
     "oblong picture": (picture(draw_table()[:80]), "scenes/tea.png has 100 x 80 pixels: expected a square picture"),
-    "preview of a picture": (
-        picture(draw_table()[:40, :40]),
-        "scenes/tea.png has 40 x 40 pixels: expected at least 50",
-    ),
+    "preview": (picture(draw_table()[:40, :40]), "scenes/tea.png has 40 x 40 pixels: expected at least 50"),
     "black picture": (picture(0 * draw_table()), "scenes/tea.png is black where the table should be"),
     "crossing corners": (corners("[[0, 0], [90, 90], [90, 0], [0, 90]]"), "table.yaml: corners cross"),
     "corners of one scene": (corners("{tea: [[0, 0], [90, 0], [90, 90], [0, 90]]}"), "no corners of Mittag"),
-    "unknown setting": (
-        text("table.yaml", "corner: []"),
-        "table.yaml holds 'corner': expected some of size_m, corners",
-    ),
+    "unknown name": (text("table.yaml", "corner: []"), "table.yaml holds 'corner': expected some of size_m, corners"),
     "times run backwards": (cell(5, "t", "0.05"), f"row 5: t goes back from 0.2 to 0.05 s in {FIRST}"),
     "text for a number": (cell(7, "x", "0,5"), "row 7: x is '0,5': expected a number with a decimal point"),
     "changing word": (cell(3, "valid", "true"), f"row 3: valid changes within {FIRST}"),
     "name that nobody sees": (cell(3, "user", "\u200b"), "row 3: user is ''"),
     "terminal codes": (cell(3, "user", "\x1b[31mAna"), "row 3: user is '\\x1b[31mAna'"),
     "four rows": (keep(0, 5, 8, 11), f"row 2: {FIRST} has 4 rows: expected at least"),
-    "kilometres": (
-        rows(lambda t: t.assign(x="0.0005", y="0.0004")),
+    "km": (
+        rows(lambda t: t.assign(x="5e-4", y="4e-4")),
         f"row 98: {OTHER} stays within 0 m: expected a path in metres",
     ),
     "crowded rows": (keep(0, 1, 1.5, 2, 11), f"{FIRST} does not determine its path"),
@@ -148,7 +142,7 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "teleport of a slow recording": (several(shift(5, 11, -0.9), scale_time(10)), f"row 7: {FIRST} jumps by 0.8"),
     "two lost rows": (several(shift(5, 7, -0.3), scale_time(0.5)), f"row 9: {FIRST} jumps by 0.37"),
     "first row lost": (several(shift(0, 1, -0.3), scale_time(0.5)), f"row 3: {FIRST} jumps by 0."),
-    "picture of another format": (
+    "picture in another format": (
         text("scenes/new.AVIF", ""),
         "scenes/new.AVIF is not read: expected a name that ends",
     ),
@@ -175,10 +169,7 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
         rows(lambda t: t.assign(valid="")),
         "row 2: no demonstration has a label: judge them with `python -m pipeline.own record",
     ),
-    "one kind of label": (
-        rows(lambda t: t.assign(valid="true")),
-        "row 2: user Ana has valid demonstrations alone: expected both",
-    ),
+    "alike": (rows(lambda t: t.assign(valid="true")), "row 2: user Ana has valid demonstrations alone: expected both"),
     "few scenes": (rows(lambda t: t[t["scene"].isin(SCENES[:3])]), "user Ana has 3 scenes: expected at least 4"),
     "no column": (text("demonstrations.csv", "scene,user,demo,t,x,y\n"), "expected also valid"),
     "other case": (text("Items.csv", ""), "Items.csv is not read: rename it to items.csv"),
@@ -313,9 +304,7 @@ MOVEMENTS = [
 def test_what_a_hand_does_is_no_fault(extreme: dict, decimals: int):
     hand, rng, parts = Hand.of({**composed().demos.hand, **extreme}), np.random.default_rng(0), []
     for demo, z_theta in enumerate(random_z_theta(rng, 40)):
-        rows = pd.DataFrame(
-            simulate(rng, curve(z_theta, ARC_POINTS), hand)[:, :3].round(decimals), columns=["t", "x", "y"]
-        )
+        rows = pd.DataFrame(simulate(rng, curve(z_theta, ARC_POINTS), hand)[:, :3].round(decimals), columns=list("txy"))
         parts.append(rows.assign(scene="a", user="b", demo=f"{demo:03}", valid=True, name=str(demo)))
     samples, faults = pd.concat(parts, ignore_index=True), Faults()
     check_paths(samples, check_settings({}), faults)

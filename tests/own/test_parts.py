@@ -121,9 +121,8 @@ def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(fol
     picture = np.zeros((300, 400, 4), np.uint8)
     picture[20:60, 300:380] = 255  # far from the picture's middle
     corner = kinds.footprint(picture, 1.2)
-    for centre, angle in filter(
-        None, [kinds.free_place(rng, folder.frame, objects, 0, corner, P_INIT[None]) for _ in range(50)]
-    ):
+    places = [kinds.free_place(rng, folder.frame, objects, 0, corner, P_INIT[None]) for _ in range(50)]
+    for centre, angle in filter(None, places):
         ends = kinds.ends_of(folder.frame, corner, centre, angle)
         assert ((ends > corner.radius) & (ends < 1 - corner.radius)).all()
     objects.radius[0, 0] = 0.7
@@ -166,9 +165,7 @@ def test_a_figure_has_names_that_it_can_write_and_numbers_for_others(name: str, 
 
 
 def test_an_accuracy_without_any_mistake_has_the_exact_interval_of_its_number():
-    rows = [
-        ("ann", "clearance", 1.0, f"s{scene}", valid, float(valid)) for scene in range(4) for valid in (True, False)
-    ]
+    rows = [("a", "clearance", 1.0, f"s{scene}", valid, float(valid)) for scene in range(4) for valid in (True, False)]
     judged = pd.DataFrame(rows, columns=["user", "predictor", "share", "scene", "valid", "p"])
     judged["arrangement"] = judged["scene"]
     (row,) = fitting.scores(judged).itertuples()

@@ -211,9 +211,7 @@ def test_fewer_than_five_arrangements_give_no_empty_table():
 
 
 def test_outlines_survive_their_file():
-    items = {
-        "夕食": [Item("cup", [[1.5, 2.0], [30.0, 2.0], [30.0, 40.0]]), Item("", [[5.0, 5.0], [9.0, 5.0], [9.0, 9.0]])]
-    }
+    items = {"夕食": [Item("cup", [[1.5, 2.0], [30.0, 2.0], [30.0, 4.0]]), Item("", [[5.0, 5.0], [9, 5.0], [9, 9.0]])]}
     text = to_coco(items, {"夕食": "夕食.png"}, {"夕食": (100, 100)})
     assert from_coco(text) == items
     boxes = coco({"segmentation": [], "bbox": [1, 2, 30, 40]})

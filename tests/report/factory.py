@@ -63,9 +63,7 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
     scores = grid(variant=[*variants, "position_only"], split=SPLITS)
     ends = {f"{name}_{end}": 0.1 for name in ("ece", "brier", "bias", "auroc") for end in ("q1", "q3")}
     others = [name for name in variants if name != "full"]
-    comparisons = grid(
-        variant=[name for name in variants if name == "full"], against=others, n_demos=(9, 1), split=SPLITS
-    )
+    comparisons = grid(variant=[v for v in variants if v == "full"], against=others, n_demos=(9, 1), split=SPLITS)
     comparisons = comparisons[(comparisons["n_demos"] == 9) | comparisons["against"].str.startswith("irl")]
     difference = LEVEL["full"] - comparisons["against"].map(LEVEL).astype(float)
     interventions = _questions(variants, users)
@@ -154,9 +152,8 @@ def _questions(variants: Sequence[str], users: Sequence[str]) -> pd.DataFrame:
     made = pd.DataFrame(rows, columns=["question", "kind", "symbol", "variant", "user", "effect", "truth"])
     said = {of: np.where(made[of].abs() > 0.05, "effect", "negligible") for of in ("effect", "truth")}
     made = made.assign(verdict=said["effect"], truth_verdict=said["truth"], right=said["effect"] == said["truth"])
-    return (
-        around(made.drop(columns="effect"), made["effect"], "").rename(columns={"mean": "effect"}).assign(p_holm=0.01)
-    )
+    made = around(made.drop(columns="effect"), made["effect"], "").rename(columns={"mean": "effect"})
+    return made.assign(p_holm=0.01)
 
 
 def _shown(variants: Sequence[str]) -> list[str]:
@@ -176,31 +173,16 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
     y, x = np.mgrid[:SIDE, :SIDE] / SIDE
     maps, grey = np.stack([(x + y) / 2] * SCENES), np.full((SCENES, 100, 100, 3), 150, np.uint8)
     drawn = DrawnScenes(
-        images=grey,
-        layouts=_layouts(),
-        mapped=list(range(SCENES)),
-        maps={v: dict.fromkeys(users, maps) for v in shown},
-        truth={u: maps > 0.5 for u in users},
-        patterned=grey,
-        patterned_maps={v: dict.fromkeys(users, 1 - maps) for v in shown},
-        added_user=judged[-1],
-        added_images=np.stack([grey[0]] * 5),
-        added_maps={"truth": np.stack([maps[0] > 0.5] * 5), shown[0]: np.stack([maps[0]] * 5)},
-        training=grey,
-    )
+        images=grey, layouts=_layouts(), mapped=list(range(SCENES)),
+        maps={v: dict.fromkeys(users, maps) for v in shown}, truth={u: maps > 0.5 for u in users},
+        patterned=grey, patterned_maps={v: dict.fromkeys(users, 1 - maps) for v in shown},
+        added_user=judged[-1], added_images=np.stack([grey[0]] * 5),
+        added_maps={"truth": np.stack([maps[0] > 0.5] * 5), shown[0]: np.stack([maps[0]] * 5)}, training=grey,
+    )  # fmt: skip
+    runs = [f"{v}-{u}-s{s}" for v, u, s in product(variants, judged, SEEDS)] + [f"same_starts-{u}" for u in users]
     return Results(
-        variants=list(variants),
-        users={user: MARGINS[user] for user in users},
-        judged_users=judged,
-        seeds=list(SEEDS),
-        n_demos=list(N_DEMOS),
-        main_n_demos=9,
-        shown=shown,
-        tables=tables(variants, users) | changes,
-        paths=dict.fromkeys(
-            [f"{v}-{u}-s{s}" for v, u, s in product(variants, judged, SEEDS)] + [f"same_starts-{u}" for u in users],
-            np.stack([steps] * SCENES * STARTS),
-        ),
-        drawn=drawn,
+        variants=list(variants), users={user: MARGINS[user] for user in users}, judged_users=judged, seeds=list(SEEDS),
+        n_demos=list(N_DEMOS), main_n_demos=9, shown=shown, tables=tables(variants, users) | changes,
+        paths=dict.fromkeys(runs, np.stack([steps] * SCENES * STARTS)), drawn=drawn,
         facts=FACTS | {"studies": dict(FACTS["studies"])},
-    )
+    )  # fmt: skip

@@ -32,11 +32,9 @@ def viewer(path: Path) -> Iterator[ViewerClient]:
         port = str(free.getsockname()[1])
         free.close()
         log = Path(home) / "log"
-        with log.open("wb") as output:
+        with log.open("wb") as out:
             options = ["--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", port]
-            process = subprocess.Popen(
-                [*command, *options], env=env, stdout=output, stderr=output, start_new_session=True
-            )
+            process = subprocess.Popen([*command, *options], env=env, stdout=out, stderr=out, start_new_session=True)
         try:
             client = _connect(process, f"rerun+http://127.0.0.1:{port}/proxy", log)
             client.open(str(path))

@@ -56,9 +56,8 @@ def test_a_job_has_the_results_of_a_run_by_hand(repository: Path):
 def test_resuming_runs_added_values_and_what_failed_alone_and_wrong_use_is_refused(repository: Path):
     file = repository / "swept/jobs" / DONE / "job.json"
     before = file.read_bytes()
-    ended = sweep(
-        repository, "--resume", "swept", "evaluate.bins=20", "scenes.layout.clear_of_ends=0.12", "hydra/launcher=basic"
-    )
+    more = ["evaluate.bins=20", "scenes.layout.clear_of_ends=0.12", "hydra/launcher=basic"]
+    ended = sweep(repository, "--resume", "swept", *more)
     assert ended.returncode == 1 and "3 of 5 jobs done" in ended.stdout, ended.stderr[-2000:]
     assert file.read_bytes() == before
     wrong = {

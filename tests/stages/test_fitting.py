@@ -57,9 +57,7 @@ def small_world(tmp_path_factory) -> Path:
             valid = _label(z, user)
             for scene, demo in np.ndindex(3, 2):
                 rows.append((seed, user, scene, demo, *z[scene, demo], valid[scene, demo], 0.0, False, 1.0, 3))
-    write_scenes(
-        root / "scenes", SceneSet(images, layouts, {pool: appearances(scenes) for pool, scenes in POOLS.items()})
-    )
+    write_scenes(root / "scenes", SceneSet(images, layouts, {pool: appearances(n) for pool, n in POOLS.items()}))
     demos = pd.DataFrame(rows, columns=DEMO_COLUMNS)
     write_demos(root / "demos", demos, np.zeros((3 * len(rows), 4)), np.arange(len(rows) + 1) * 3)
     write_queries(root / "demos", queries)
@@ -112,9 +110,7 @@ def test_a_fit_that_diverges_is_no_result(small_world, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.skipif(
-    not CPUINFO.is_file() or "avx512f" not in CPUINFO.read_text(), reason="needs a processor with AVX-512"
-)
+@pytest.mark.skipif(not CPUINFO.is_file() or "avx512f" not in CPUINFO.read_text(), reason="needs AVX-512")
 def test_predictions_have_the_same_bytes_with_avx512_and_without(small_world: Path, tmp_path: Path):
     given = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos", "variant=clearance"]
     given += ["seeds=[0]", "n_demos=[1,2]", "main_n_demos=2", "workers=1", "clearance.steps=3"]

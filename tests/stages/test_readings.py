@@ -28,9 +28,8 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     folder = tmp_path_factory.mktemp("readings")
     cfg = compose([*SMALL, f"paths.scenes={folder / 'scenes'}", f"paths.evaluate={folder / 'evaluate'}"])
     training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
-    rendered_scenes(
-        cfg, training | {POOLS["new_scenes"]: (NEW_SCENES, "train"), POOLS["new_items"]: (NEW_SCENES, "validation")}
-    )
+    new = {POOLS["new_scenes"]: (NEW_SCENES, "train"), POOLS["new_items"]: (NEW_SCENES, "validation")}
+    rendered_scenes(cfg, training | new)
     write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", {user: np.full((2, 2), 0.4) for user in cfg.users})
     rows = pd.MultiIndex.from_product(
         [[MODEL, NEAREST, "ae"], ["seen_scenes", "new_items"], cfg.users, cfg.seeds, cfg.n_demos],

@@ -45,9 +45,7 @@ def test_maps_and_titles_are_every_variant_s_verdicts_beside_the_truth(runs: lis
             assert f"{label(run.variant)}: {shown.agreement:.0%} right" in titles
 
 
-def test_two_overviews_show_what_was_right_before_and_is_wrong_now(
-    runs: list[Run], recording: Path, tmp_path: Path
-) -> None:
+def test_two_overviews_show_what_was_right_and_is_wrong_now(runs: list[Run], recording: Path, tmp_path: Path) -> None:
     first, *others = runs
     scene, *rest = first.shown
     wrong = np.where(scene.predicted > 0.5, np.float32(0), np.float32(1))  # every verdict the other way round

@@ -34,12 +34,6 @@ def rms(points: np.ndarray, z: np.ndarray, ends: tuple[np.ndarray, np.ndarray]) 
     return float(np.sqrt(((points - nearest(points, z, ends)) ** 2).sum(1).mean()))
 
 
-def scipy_rms(points: np.ndarray, start: np.ndarray, ends: tuple[np.ndarray, np.ndarray]) -> float:
-    """Root mean square distance at scipy's optimum over z, begun at `start`."""
-    optimum = least_squares(lambda z: (points - nearest(points, z, ends)).ravel(), start, xtol=1e-10, ftol=1e-10)
-    return rms(points, optimum.x, ends)
-
-
 @settings(max_examples=50, deadline=None)
 @given(st.floats(-0.2, 1.2), st.floats(-0.2, 1.2), st.integers(8, 80))
 def test_points_of_a_path_are_fitted_by_that_path(x: float, y: float, count: int):
@@ -82,4 +76,5 @@ def test_scipy_cannot_improve_on_the_fit_of_human_handwriting(name: str):
     for x, z, residual in zip(movements, fits.z_theta, fits.residual_m, strict=True):
         ends = (x[0], x[-1])
         assert residual == pytest.approx(rms(x, z, ends), rel=1e-5)
-        assert residual <= scipy_rms(x, z, ends) * 1.005
+        optimum = least_squares(lambda z, x=x, ends=ends: (x - nearest(x, z, ends)).ravel(), z, xtol=1e-10, ftol=1e-10)
+        assert residual <= rms(x, optimum.x, ends) * 1.005

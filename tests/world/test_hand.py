@@ -8,21 +8,11 @@ import pytest
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
 from pipeline.world.hand import ARC_POINTS, Hand, join, simulate, valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
+from tests.factories import composed
 
-HAND = Hand(
-    rate_hz=50.0,
-    jitter_s=0.002,
-    speed_m_s=0.35,
-    speed_spread=0.2,
-    tremor_m=0.0007,
-    tremor_hz=[8.0, 12.0],
-    drift_m=0.002,
-    height_m=0.1,
-    height_drift_m=0.01,
-)
-STEADY = HAND.model_copy(
-    update=dict.fromkeys(["jitter_s", "speed_spread", "tremor_m", "drift_m", "height_drift_m"], 0.0)
-)
+HAND = Hand.of(composed().demos.hand)
+UNSTEADY = ("jitter_s", "speed_spread", "tremor_m", "drift_m", "height_drift_m")
+STEADY = HAND.model_copy(update=dict.fromkeys(UNSTEADY, 0.0))
 
 
 def test_simulated_trajectories_keep_to_the_ends_vary_in_length_and_are_sampled_at_about_50_hz():

@@ -5,7 +5,7 @@
 
 import json
 import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from threading import Lock
@@ -16,8 +16,6 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 from pydantic import FiniteFloat
-from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
@@ -28,7 +26,7 @@ from pipeline.own.asked import ANSWERS, ASKED, Sitting, digest, picture, sitting
 from pipeline.own.files import KINDS
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX
-from pipeline.own.recorder.serve import BESIDE, application, parser, posted, serve
+from pipeline.own.recorder.serve import BESIDE, parser, posted, serve
 from pipeline.own.recorder.storage import as_sent, write_durably
 from pipeline.own.trials import prepare
 from pipeline.runtime.errors import InputError
@@ -169,9 +167,8 @@ def png(pixels: UInt8[Array, "row column 3"]) -> bytes:
 def routes(asking: Asking) -> list[Route]:
     """Return the addresses under which the page asks."""
 
-    async def image(request: Request) -> Response:
-        number, trial = request.path_params["number"], request.path_params["trial"]
-        return Response(await run_in_threadpool(asking.image, number, trial), media_type="image/png")
+    def image(request: Request) -> Response:
+        return Response(asking.image(**request.path_params), media_type="image/png")
 
     return [
         Route("/", lambda _: FileResponse(BESIDE / "ask.html")),
@@ -206,23 +203,20 @@ def main(arguments: Sequence[str]) -> int:
     elif parsed.real:
         from pipeline.own.recorder.placing import Placing as kind
 
-    asking: Asking
-
-    def made(hosts: Collection[str]) -> Starlette:
-        nonlocal asking
+    def opened() -> Asking:
         asking = kind(folder, parsed.user, parsed.minutes)  # under the folder's lock: earlier answers are all written
         if asking.apart:
             print(f"The folder has changed since {asking.apart} earlier sittings: their answers are kept apart")
         for line in [] if parsed.design or parsed.real else outlook(folder, quoted, parsed.minutes):
             print(line)
-        return application(routes(asking), hosts)
+        return asking
 
-    def ended() -> str:
+    def ended(asking: Asking) -> str:
         count = sum(len(sitting.answers) for sitting in asking.kept.values())
         then = "" if parsed.design else f" Next: python -m pipeline.own {quoted}"
         return f"{folder.path / ASKED} holds {count} of these judgements.{then}"
 
-    return serve(parsed, made, "Asking about", ended)
+    return serve(parsed, opened, routes, "Asking about", ended)
 
 
 def outlook(folder: Folder, quoted: str, minutes: float) -> list[str]:

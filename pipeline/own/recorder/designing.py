@@ -107,7 +107,9 @@ class Designing(Asking):
             print("\n".join(known := remaining(self.rules(user), self.names)), flush=True)
             return {"known": known}
         (trial,), file = self.kept[user].plan.iloc[[row]].itertuples(), self.files[user].with_suffix(".png")
-        print(note := sentence(self.folder, trial), flush=True)
+        scene, away = self.folder.scenes[trial.scene], f"{100 * trial.clearance_m:.0f} cm"
+        path = f"the path of demonstration {trial.path.removeprefix(f'{VALID} {scene} ')}"
+        print(note := f"On {scene}, a {placed(self.folder, trial)}; {path} passes it at {away}.", flush=True)
         canvas = picture(self.folder, trial).copy()
         points = self.folder.frame.to_model(np.array(self.kept[user].paths[trial.path]["points"]))
         pixels = ((points * [1, -1] + [0, 1]) * CANVAS_PX).round().astype(np.int32)
@@ -125,13 +127,6 @@ def members(
         percept = model.see(seen_with(folder, rows, rows["condition"].iloc[0]))
         passing = passes(percept, torch.as_tensor(np.stack(lines)[:, None], dtype=torch.float32))
         return (model.log_valid(percept, passing)[..., 0].exp() > 0.5).T.numpy()
-
-
-def sentence(folder: Folder, row: Any) -> str:
-    """Return what to put where, in words (`placed`), and the path that passes it."""
-    scene = folder.scenes[row.scene]
-    path = f"the path of demonstration {row.path.removeprefix(f'{VALID} {scene} ')}"
-    return f"On {scene}, a {placed(folder, row)}; {path} passes it at {100 * row.clearance_m:.0f} cm."
 
 
 def placed(folder: Folder, row: Any) -> str:

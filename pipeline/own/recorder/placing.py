@@ -35,9 +35,8 @@ class Placing(Asking):
         self.first = {name: self.kept[name] for name in self.users if name in self.kept}
         self.users = [name for name, sitting in self.first.items() if len(real_trials(sitting))]
         if not self.users:
-            raise InputError(
-                f"no item was judged yet: python -m pipeline.own ask {quote(str(folder.path))} comes before --real"
-            )
+            ask = f"python -m pipeline.own ask {quote(str(folder.path))}"
+            raise InputError(f"no item was judged yet: {ask} comes before --real")
         plans = {name: self.files[name] for name in self.users}
         self.files = {name: plan.with_name(f"{plan.stem}{REAL}.json") for name, plan in plans.items()}
         self.kept = {name: Sitting.read(plan, self.files[name].with_suffix(".csv")) for name, plan in plans.items()}

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import uvicorn
 from pydantic import TypeAdapter, ValidationError
@@ -47,6 +47,7 @@ HEADERS = {  # forbid everything that is not of this server
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
+Opened = TypeVar("Opened")  # what a page shows and changes
 COLOURS = {"valid": VALID, "invalid": INVALID}
 SENT = TypeAdapter(dict[str, Any])  # the arguments of a method of `Recordings`, which checks them
 
@@ -57,19 +58,12 @@ def main(arguments: Sequence[str]) -> int:
     Raise InputError if the folder cannot be recorded into or another recorder has it.
     """
     parsed = parser("record", "Open a page to draw and judge paths.").parse_args(arguments)
-    opened: list[Recordings] = []
 
-    def made(hosts: Collection[str]) -> Starlette:
-        opened.append(Recordings(parsed.folder))
-        return build(opened[0], hosts)
+    def ended(recordings: Recordings) -> str:
+        check = f"python -m pipeline.own check {shlex.quote(str(parsed.folder))}"
+        return f"{parsed.folder} holds {len(recordings.recorded())} paths. Next: {check}"
 
-    def ended() -> str:
-        count = len(opened[0].recorded())
-        return (
-            f"{parsed.folder} holds {count} paths. Next: python -m pipeline.own check {shlex.quote(str(parsed.folder))}"
-        )
-
-    return serve(parsed, made, "Recording into", ended)
+    return serve(parsed, lambda: Recordings(parsed.folder), routes, "Recording into", ended)
 
 
 def parser(command: str, description: str) -> argparse.ArgumentParser:
@@ -83,11 +77,12 @@ def parser(command: str, description: str) -> argparse.ArgumentParser:
 
 def serve(
     parsed: argparse.Namespace,
-    made: Callable[[Collection[str]], Starlette],
+    opened: Callable[[], Opened],
+    addresses: Callable[[Opened], Sequence[Route]],
     doing: str,
-    ended: Callable[[], str],
+    ended: Callable[[Opened], str],
 ) -> int:
-    """Serve an application for the hosts it is given, holding the folder's lock; print the last word after Ctrl-C."""
+    """Serve what is opened under the folder's lock; print the last word after Ctrl-C."""
     folder: Path = parsed.folder
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}: make it, with pictures of the table in {folder}/scenes")
@@ -97,7 +92,8 @@ def serve(
         raise InputError(f"port {parsed.port} cannot be used ({error}): choose another, or 0 for any") from error
     with listener, one_recorder(folder) as lock:
         port = listener.getsockname()[1]
-        app, address = made({f"{LOOPBACK}:{port}", f"localhost:{port}"}), f"http://{LOOPBACK}:{port}/"
+        holds, address = opened(), f"http://{LOOPBACK}:{port}/"
+        app = application(addresses(holds), {f"{LOOPBACK}:{port}", f"localhost:{port}"})
         os.ftruncate(lock, 0)
         os.pwrite(lock, address.encode(), 0)
         print(f"{doing} {folder}: open {address} (Ctrl-C ends)", flush=True)
@@ -106,7 +102,7 @@ def serve(
         config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off", ws="none")
         with suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[listener])
-        print(ended())
+        print(ended(holds))
     return 0
 
 
@@ -127,25 +123,22 @@ def one_recorder(folder: Path) -> Iterator[int]:
         os.close(lock)
 
 
-def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
-    """Return the application that records into a folder and answers under `hosts`, such as `127.0.0.1:8000`, only."""
-    return application(
-        [
-            Route("/", lambda _: FileResponse(BESIDE / "page.html")),
-            Route("/pictures/{name}", lambda request: FileResponse(recordings.picture(request.path_params["name"]))),
-            Route("/api/overview", lambda _: JSONResponse(recordings.overview() | {"colours": COLOURS})),
-            Route("/api/scenes/{name}", lambda request: JSONResponse(recordings.scene(request.path_params["name"]))),
-            Route("/api/items/{name}", lambda request: JSONResponse(recordings.items(request.path_params["name"]))),
-            Route("/api/found/{name}", partial(_in_thread, recordings.found)),
-            posted("propose", recordings.propose),
-            posted("items", recordings.place_items),
-            posted("paths", recordings.add_path),
-            posted("table", recordings.place_table),
-            posted("judge", recordings.judge),
-            posted("remove", recordings.remove),
-        ],
-        hosts,
-    )
+def routes(recordings: Recordings) -> list[Route]:
+    """Return the addresses under which the page records into a folder."""
+    return [
+        Route("/", lambda _: FileResponse(BESIDE / "page.html")),
+        Route("/pictures/{name}", lambda request: FileResponse(recordings.picture(request.path_params["name"]))),
+        Route("/api/overview", lambda _: JSONResponse(recordings.overview() | {"colours": COLOURS})),
+        Route("/api/scenes/{name}", lambda request: JSONResponse(recordings.scene(request.path_params["name"]))),
+        Route("/api/items/{name}", lambda request: JSONResponse(recordings.items(request.path_params["name"]))),
+        Route("/api/found/{name}", lambda request: JSONResponse(recordings.found(request.path_params["name"]))),
+        posted("propose", recordings.propose),
+        posted("items", recordings.place_items),
+        posted("paths", recordings.add_path),
+        posted("table", recordings.place_table),
+        posted("judge", recordings.judge),
+        posted("remove", recordings.remove),
+    ]
 
 
 def posted(name: str, store: Callable[..., Any], most: int = MAX_REQUEST_BYTES) -> Route:
@@ -156,9 +149,8 @@ def posted(name: str, store: Callable[..., Any], most: int = MAX_REQUEST_BYTES) 
         async for chunk in request.stream():
             body += chunk
             if len(body) > most:
-                return _refused(
-                    f"more than {most / 1e6:.0f} MB were sent: draw a shorter path, or scale the picture down", 413
-                )
+                shorter = "draw a shorter path, or scale the picture down"
+                return _refused(f"more than {most / 1e6:.0f} MB were sent: {shorter}", 413)
         values = SENT.validate_json(bytes(body))
         return JSONResponse(await run_in_threadpool(partial(store, **values)) or {})
 
@@ -194,11 +186,6 @@ def application(routes: Sequence[Route], hosts: Collection[str]) -> Starlette:
             OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
     )
-
-
-async def _in_thread(answer: Callable[[str], Any], request: Request) -> Response:
-    """Answer about the scene that a request names, without keeping others waiting."""
-    return JSONResponse(await run_in_threadpool(answer, request.path_params["name"]))
 
 
 def _refused(sentence: str, status: int) -> JSONResponse:

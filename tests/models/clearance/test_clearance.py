@@ -8,9 +8,8 @@ from pipeline.models.base import to_tensor
 from pipeline.models.clearance.clearance import ClearanceModel, passes
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Checkpoints, Schedule
-from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance as true_clearance
-from tests.factories import RED, WHITE, clearance_model, draw_table, percept
+from tests.factories import capsules, clearance_model, percept, two_discs
 
 SCHEDULE = Schedule(steps=400, rate=0.03, weight_decay=0.0, curve_every=50)
 MARGIN = 0.04  # metres
@@ -22,18 +21,9 @@ def fit_one(m: ClearanceModel, images, z, valid, seed=0, checkpoints=None) -> np
     return curve
 
 
-def some_layouts(rng, scenes=20, slots=3) -> Layouts:
-    return Layouts(
-        item=np.zeros((scenes, slots), int), symbol=np.zeros((scenes, slots), int),
-        centre=rng.uniform(0.1, 0.9, (scenes, slots, 2)), angle=rng.uniform(-3, 3, (scenes, slots)),
-        scale=np.ones((scenes, slots)), half_length=rng.uniform(0, 0.1, (scenes, slots)),
-        radius=rng.uniform(0.01, 0.08, (scenes, slots)),
-    )  # fmt: skip
-
-
 def test_clearances_are_those_of_the_world():
     rng = np.random.default_rng(0)
-    layouts, z = some_layouts(rng), rng.uniform(-0.2, 1.2, (20, 50, 2))
+    layouts, z = capsules(rng), rng.uniform(-0.2, 1.2, (20, 50, 2))
     ours = passes(percept(layouts), torch.tensor(z), dwell=False).clearance[..., 0].numpy()
     theirs = true_clearance(layouts, z)
     apart = theirs > 0.02  # nearer, and inside, both only need to say that it is too near
@@ -43,7 +33,7 @@ def test_clearances_are_those_of_the_world():
 
 def test_turned_and_reflected_scenes_are_the_same_to_it():
     rng = np.random.default_rng(2)
-    seen, z = percept(some_layouts(rng)), torch.tensor(rng.uniform(-0.2, 1.2, (20, 8, 2)))
+    seen, z = percept(capsules(rng)), torch.tensor(rng.uniform(-0.2, 1.2, (20, 8, 2)))
     m = clearance_model(families=["margin", "dwell", "proximity"]).double()
     m.get_buffer("evidence").fill_(1.0)
     here = m.logit(seen, z)
@@ -53,23 +43,11 @@ def test_turned_and_reflected_scenes_are_the_same_to_it():
         torch.testing.assert_close(here, there, rtol=1e-9, atol=1e-9)
 
 
-def scenes(rng, count):
-    """Layouts and images of a large red and a small white disc each."""
-    layouts, images = some_layouts(rng, count, 2), []
-    layouts.half_length[:] = 0
-    layouts.radius[:] = 0.075, 0.045
-    layouts.centre[:, 0] = rng.uniform((0.12, 0.55), (0.45, 0.88), (count, 2))
-    layouts.centre[:, 1] = rng.uniform((0.55, 0.12), (0.88, 0.45), (count, 2))
-    for i, (a, b) in enumerate(layouts.centre):
-        images.append(draw_table((*a, 0.075, RED), (*b, 0.045, WHITE), seed=i))
-    return layouts, np.stack(images)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("relevant", [(True, True), (False, True)])
 def test_it_learns_which_objects_matter_and_their_margin(relevant):
     rng = np.random.default_rng(3)
-    layouts, images = scenes(rng, 40)
+    layouts, images = two_discs(rng, 40)
     z = rng.uniform(-0.2, 1.2, (40, 10, 2))
     valid = np.where(relevant, true_clearance(layouts, z), np.inf).min(-1) > MARGIN
     m = clearance_model()
@@ -84,15 +62,11 @@ def test_it_learns_which_objects_matter_and_their_margin(relevant):
 @pytest.mark.slow
 def test_a_seed_gives_the_same_bits_and_checkpoints_keep_the_evidence_of_their_step_and_change_none():
     rng = np.random.default_rng(6)
-    layouts, images = scenes(rng, 20)
+    layouts, images = two_discs(rng, 20)
     z = rng.uniform(-0.2, 1.2, (20, 10, 2))
     valid = true_clearance(layouts, z).min(-1) > MARGIN
-    before, checkpoints, models = (
-        torch.random.get_rng_state(),
-        Checkpoints([0, 200, 399]),
-        [clearance_model() for _ in range(3)],
-    )
-    plain, kept, other = models
+    before, checkpoints = torch.random.get_rng_state(), Checkpoints([0, 200, 399])
+    plain, kept, other = (clearance_model() for _ in range(3))
     curve = fit_one(plain, images, z, valid, 7)
     assert np.array_equal(fit_one(kept, images, z, valid, 7, checkpoints), curve)
     fit_one(other, images, z, valid, 8)
@@ -110,14 +84,12 @@ def test_models_fitted_together_answer_as_each_does_alone():
     rng = np.random.default_rng(8)
     training_sets = []
     for n in (10, 3, 5):
-        layouts, images = scenes(rng, 8)
+        layouts, images = two_discs(rng, 8)
         z = rng.uniform(-0.2, 1.2, (8, n, 2))
         training_sets.append((images, z, true_clearance(layouts, z).min(-1) > MARGIN))
     training_sets[1] = (*training_sets[1][:2], np.ones((8, 3), bool))
     alone, together = ([clearance_model(seed) for seed in range(3)] for _ in range(2))
-    curves = [
-        fit_one(m, *training_set, seed=i) for i, (m, training_set) in enumerate(zip(alone, training_sets, strict=True))
-    ]
+    curves = [fit_one(m, *one, seed=i) for i, (m, one) in enumerate(zip(alone, training_sets, strict=True))]
     images, z, valid = zip(*training_sets, strict=True)
     batch_size = fit(together, images, z, valid, SCHEDULE, range(3))
     asked = np.random.default_rng(9).uniform(-0.2, 1.2, (8, 30, 2))

@@ -132,10 +132,9 @@ def test_episodes_of_a_lerobot_data_set_become_demonstrations_with_their_first_f
     log.symlink_to(BESIDE / f"lerobot_{version}")
     demos, folder = imported(log)
     u = np.arange(16) / 15
+    path = np.stack([u * 1.5, 0.1 + 0.8 * u, 0.1 + 0.8 * u**2], -1)
     for episode, (_, rows) in enumerate(demos.groupby("scene")):
-        np.testing.assert_allclose(
-            rows[["t", "x", "y"]], np.stack([u * 1.5, 0.1 + 0.8 * u, 0.1 + 0.8 * u**2], -1), atol=1e-4
-        )
+        np.testing.assert_allclose(rows[["t", "x", "y"]], path, atol=1e-4)
         picture = cv2.imread(str(folder / "scenes" / f"lerobot_{version}-{episode:03d}.png"))
         assert picture is not None and np.abs(picture.astype(int) - (40 + 80 * episode)).max() <= 2
     assert demos["scene"].nunique() == 3
@@ -145,9 +144,8 @@ def test_a_lerobot_data_set_can_be_cut_by_a_column(tmp_path: Path):
     log = tmp_path / "cups"
     log.symlink_to(BESIDE / "lerobot_v30")
     demos, _ = imported(log, "--gripper", "gripper", "--columns", "x=action.x,y=action.y")
-    assert demos.groupby("scene").size().tolist() == [8] * 3 and demos["x"].min() == pytest.approx(
-        1.1 + 0.8 * 4 / 15, abs=1e-4
-    )
+    assert demos.groupby("scene").size().tolist() == [8] * 3
+    assert demos["x"].min() == pytest.approx(1.1 + 0.8 * 4 / 15, abs=1e-4)
 
 
 DIALECTS = {  # header, delimiter, decimal sign, and t, x, y as written

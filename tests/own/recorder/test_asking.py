@@ -150,15 +150,9 @@ def test_folders_that_leave_nothing_to_ask_are_refused(tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("rows", "why"),
-    [
-        ("0,FALSCH,900\n", "valid is 'FALSCH'"),
-        ("9999,True,9\n", "not of this sitting"),
-        ("0,True,9\n" * 2, "two answers"),
-    ],
+    [("0,FALSCH,9\n", "valid is 'FALSCH'"), ("999,True,9\n", "not of this sitting"), ("0,True,9\n" * 2, "two answers")],
 )
-def test_answers_that_somebody_edited_are_refused_before_anything_is_fitted(
-    folder: Folder, rows: str, why: str, capsys
-):
+def test_answers_that_somebody_edited_are_refused_before_a_model_is_fitted(folder: Folder, rows: str, why: str, capsys):
     (folder.path / "asked" / "001.csv").write_text("trial,valid,response_ms\n" + rows)
     with pytest.raises(InputError, match=rf"001\.json or 001\.csv in asked/ cannot be read .*{why}"):
         own(["check", str(folder.path)])

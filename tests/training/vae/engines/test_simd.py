@@ -110,12 +110,17 @@ def test_a_model_is_the_same_bits_whatever_else_is_in_the_stack(variant):
 @pytest.mark.slow  # compiles the kernels
 @pytest.mark.skipif("avx512vl" not in lanes.FEATURES, reason="needs a processor with AVX-512")
 def test_a_model_is_the_same_bits_in_8_lanes_and_in_16(tmp_path):
-    wide = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": get_host_cpu_features().flatten()}
-    narrow = [
-        ("-" if name.startswith("avx512") or not has else "+") + name for name, has in get_host_cpu_features().items()
-    ]
+    features = get_host_cpu_features()
+    wide = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": features.flatten()}
+    narrow = [("-" if name.startswith("avx512") or not has else "+") + name for name, has in features.items()]
     other = {"NUMBA_CPU_FEATURES": ",".join(narrow)} if LANES == 16 else wide
-    assert in_another_process(**other, NUMBA_CACHE_DIR=str(tmp_path)) == f"{24 - LANES} {digest(stacked([3])[0][0])}"
+    code = (
+        "import torch; from tests.training.vae.engines.test_simd import LANES, digest, stacked; "
+        "torch.set_num_threads(1); print(LANES, digest(stacked([3])[0][0]))"
+    )
+    there = {"cwd": ROOT, "env": os.environ | other | {"NUMBA_CACHE_DIR": str(tmp_path)}, "timeout": 600}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, **there)
+    assert done.stdout.strip() == f"{24 - LANES} {digest(stacked([3])[0][0])}"
 
 
 @pytest.mark.slow  # compiles the kernels
@@ -132,17 +137,6 @@ def test_a_person_without_a_writable_home_trains_in_a_checkout_of_others(tmp_pat
     ended = subprocess.run([*other, sys.executable, "-c", code], cwd="/", env=env, capture_output=True, text=True)
     assert ended.stdout.startswith(str(tmp_path)), ended.stderr
     assert not list(tmp_path.iterdir())
-
-
-def in_another_process(**environment: str) -> str:
-    """Return the number of lanes and the digest of model 3, trained alone by a new process in that environment."""
-    code = (
-        "import torch; from tests.training.vae.engines.test_simd import LANES, digest, stacked; "
-        "torch.set_num_threads(1); print(LANES, digest(stacked([3])[0][0]))"
-    )
-    command = [sys.executable, "-c", code]
-    there = {"cwd": ROOT, "env": os.environ | environment, "timeout": 600}
-    return subprocess.run(command, capture_output=True, text=True, check=True, **there).stdout.strip()
 
 
 def digest(model: BetaVae) -> str:
