@@ -1,6 +1,5 @@
 """Read LeRobot data sets of formats v2 and v3: columns from parquet, a demonstration's picture from video."""
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy import ndarray as Array
+from pydantic import BaseModel, NonNegativeInt, PositiveInt, ValidationError
 
 from pipeline.own.importing.segments import Choices, Recording
 from pipeline.own.importing.text import pair
@@ -19,13 +19,37 @@ from pipeline.runtime.errors import InputError
 STATE = "observation.state"  # the feature whose columns need not be named in full
 
 
+class Feature(BaseModel):
+    """What the data set says of one feature."""
+
+    dtype: str
+    names: list[Any] | dict[str, list[Any]] | None = None  # some robots put them into groups
+    shape: list[int] = []
+
+
+class Info(BaseModel):
+    """What is read of meta/info.json."""
+
+    codebase_version: str
+    features: dict[str, Feature]
+    total_episodes: NonNegativeInt
+    chunks_size: PositiveInt = 1000
+    video_path: str | None = None
+
+
 def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[str]]:
     """Return the episodes, the choices with what was found, and remarks; InputError for an unusable data set."""
-    info = json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))
-    version, features, count = info["codebase_version"], info["features"], info["total_episodes"]
+    file = path / "meta" / "info.json"
+    try:
+        info = Info.model_validate_json(file.read_bytes())
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ": ".join([str(file), *filter(None, [".".join(map(str, first["loc"]))])])
+        raise InputError(f"{place}: {first['msg']}; expected what LeRobot writes: copy it again") from error
+    version, features, count = info.codebase_version, info.features, info.total_episodes
     if not version.startswith(("v2.", "v3.")):
         raise InputError(f"{path} has the format {version}: expected v2.0, v2.1 or v3.0; convert it by LeRobot")
-    cameras = [key for key, one in features.items() if one["dtype"] == "video"]
+    cameras = [key for key, one in features.items() if one.dtype == "video"]
     if choices.picture not in (None, *cameras) or (choices.picture is None and len(cameras) > 1):
         raise InputError(f"{path} has the cameras {', '.join(cameras) or 'none'}: choose one of them by --picture")
     names = {name: (key, i) for key, one in features.items() for i, name in enumerate(_names(key, one))}
@@ -66,13 +90,13 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     return [one for one in recordings.values() if len(one.t)], choices.model_copy(update=found), notes
 
 
-def _names(key: str, feature: dict[str, Any]) -> list[str]:
-    """Return the names of a feature's columns; some robots put them into groups, and single numbers have none."""
-    names = feature.get("names") or []
+def _names(key: str, feature: Feature) -> list[str]:
+    """Return the names of a feature's columns; single numbers have none."""
+    names = feature.names or []
     names = [name for group in names.values() for name in group] if isinstance(names, dict) else names
-    if feature["dtype"] in ("video", "image", "string"):
+    if feature.dtype in ("video", "image", "string"):
         return []
-    return [key] if feature.get("shape") == [1] else [f"{key}.{name}" for name in names]
+    return [key] if feature.shape == [1] else [f"{key}.{name}" for name in names]
 
 
 def _parquet(file: Path, keys: Sequence[str]) -> dict[str, Array]:
@@ -90,12 +114,12 @@ def _parquet(file: Path, keys: Sequence[str]) -> dict[str, Array]:
     return {key: np.array(column, float).reshape(len(table), -1) for key, column in flat.items()}
 
 
-def _videos(path: Path, info: dict[str, Any], camera: str) -> dict[int, tuple[Path, float]]:
+def _videos(path: Path, info: Info, camera: str) -> dict[int, tuple[Path, float]]:
     """Return the video of each episode, and when in it the episode begins [s]."""
-    template, videos = info["video_path"], {}
-    if info["codebase_version"].startswith("v2."):
-        for i in range(info["total_episodes"]):
-            file = template.format(episode_chunk=i // info["chunks_size"], video_key=camera, episode_index=i)
+    template, videos = info.video_path or "", {}
+    if info.codebase_version.startswith("v2."):
+        for i in range(info.total_episodes):
+            file = template.format(episode_chunk=i // info.chunks_size, video_key=camera, episode_index=i)
             videos[i] = path / file, 0.0
     keys = [f"videos/{camera}/{name}" for name in ("chunk_index", "file_index", "from_timestamp")]
     for file in sorted(path.glob("meta/episodes/*/*.parquet")):
@@ -103,7 +127,7 @@ def _videos(path: Path, info: dict[str, Any], camera: str) -> dict[int, tuple[Pa
         for i, chunk, number, begin in np.hstack(list(table.values())).tolist():
             place = template.format(video_key=camera, chunk_index=int(chunk), file_index=int(number))
             videos[int(i)] = path / place, begin
-    if missing := {*range(info["total_episodes"])} - videos.keys():
+    if missing := {*range(info.total_episodes)} - videos.keys():
         raise InputError(f"{path}/meta/episodes lacks {len(missing)} episodes, the first {min(missing)}: copy it again")
     return videos
 

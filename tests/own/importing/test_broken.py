@@ -115,6 +115,7 @@ def second_camera(info: dict) -> None:
     info["features"]["observation.images.wrist"] = info["features"]["observation.images.top"]
 
 
+NO_JSON = spoilt(lerobot(), lambda log: (log / "meta/info.json").write_text("["))
 NO_EPISODE = lerobot(info=lambda info: info.update(total_episodes=0))
 EMPTY = spoilt(NO_EPISODE, lambda log: shutil.rmtree(log / "data"))
 GREY = np.zeros((8, 8, 3), np.uint8)
@@ -166,7 +167,14 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("old format", lerobot(info=lambda info: info.update(codebase_version="v1.6")), "", "v1.6"),
     ("two cameras", lerobot(info=second_camera), "", "images.top, observation.images.wrist"),
     ("a column that is not there", lerobot(), "--columns x=px,y=py", "px, py not among them"),
-    ("info without features", lerobot(info=lambda info: info.pop("features")), "", "KeyError: 'features'"),
+    (
+        "info without features",
+        lerobot(info=lambda info: info.pop("features")),
+        "",
+        "info.json: features: Field required",
+    ),
+    ("info that is none", NO_JSON, "", "json: Invalid"),
+    ("info with a word", lerobot(info=lambda info: info.update(total_episodes="x")), "", "total_episodes: "),
     ("a data set without episodes", EMPTY, "", "no recording"),
     ("parquet without the columns", states(), "", "no column observation.state"),
     ("a data set of lost samples", states([np.nan] * 4), "", "no row with a time and a position"),
