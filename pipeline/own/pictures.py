@@ -11,7 +11,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
 from pipeline.world.images import decode, image_size
 
-DEPTHS = 1023, 4095, 16383, 65535  # brightest values of 10 to 16 bits
+DARKEST_WHITE = 16384  # of 16 bits: cameras of 10, 12 or 14 bits leave the highest unused
 MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
 
 
@@ -20,7 +20,7 @@ def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
 
     Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or damaged.
     """
-    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH))
+    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH), name)
     return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
 
 
@@ -29,7 +29,7 @@ def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
 
     Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
     """
-    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_UNCHANGED))
+    pixels = _eight_bits(decoded(path, name, cv2.IMREAD_UNCHANGED), name)
     if pixels.ndim != 3 or pixels.shape[2] != 4:
         raise InputError(f"{name} has no transparent background: expected an RGBA png; cut the object out")
     if (highest := pixels[..., 3].max()) <= MIN_VISIBLE_ALPHA:
@@ -58,9 +58,11 @@ def decoded(path: Path, name: str, flag: int) -> Array:
     return pixels
 
 
-def _eight_bits(pixels: Array) -> Array:
-    """Return pixels of 8 or 16 bits a channel with 8; cameras of 10, 12 or 14 bits leave the highest of 16 unused."""
+def _eight_bits(pixels: Array, name: str) -> Array:
+    """Return pixels of 8 or 16 bits a channel with 8; raise InputError if white cannot be 65,535 of 16 bits."""
     if pixels.dtype == np.uint8:
         return pixels
-    full = next(full for full in DEPTHS if pixels.max() <= full)
-    return np.rint(pixels * (255 / full)).astype(np.uint8)
+    if (highest := int(pixels.max())) < DARKEST_WHITE:
+        came = f"{name} has 16 bits a channel, and its brightest value is {highest:,}"
+        raise InputError(f"{came}: expected 65,535 for white; scale all pictures alike, or save them with 8 bits")
+    return np.rint(pixels * (255 / 65535)).astype(np.uint8)

@@ -285,12 +285,16 @@ def test_a_picture_whose_profile_or_date_is_odd_is_read(tmp_path: Path):
     np.testing.assert_array_equal(read_picture(file, "b.jpg"), plain)
 
 
-@pytest.mark.parametrize("bits", [10, 12, 14, 16])
-def test_a_picture_of_more_than_eight_bits_is_as_bright_as_it_was(tmp_path: Path, bits: int):
-    grey = np.linspace(0, 2**bits - 1, 100 * 100).reshape(100, 100).astype(np.uint16)
-    (tmp_path / "a.png").write_bytes(cv2.imencode(".png", grey)[1].tobytes())
-    picture = read_picture(tmp_path / "a.png", "a.png")
-    assert picture.dtype == np.uint8 and picture.max() == 255 and picture.min() == 0
+def test_sixteen_bits_are_scaled_alike_in_all_pictures_or_refused(tmp_path: Path):
+    def picture(white: int) -> Path:
+        grey = np.linspace(0, white, 100 * 100).reshape(100, 100).astype(np.uint16)
+        (tmp_path / "a.png").write_bytes(cv2.imencode(".png", grey)[1].tobytes())
+        return tmp_path / "a.png"
+
+    assert [read_picture(picture(white), "a.png").max() for white in (65535, 32768, 16448)] == [255, 128, 64]
+    for bits in (10, 12, 14):
+        with pytest.raises(InputError, match=f"a.png has 16 bits.*{2**bits - 1:,}: expected 65,535 for white"):
+            read_picture(picture(2**bits - 1), "a.png")
 
 
 MOVEMENTS = [
