@@ -21,17 +21,30 @@ import pipeline
 from pipeline import library
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import random_z_theta
+from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance
-from tests.factories import composed, two_discs
+from tests.factories import RED, WHITE, composed, draw_table
 
 SCENES, PATHS, MARGIN = 12, 9, 0.04
+
+
+def scenes(rng: np.random.Generator, count: int, *, item: bool) -> tuple[np.ndarray, Layouts]:
+    """Draw tables with a white disc each and, with an `item`, a red one."""
+    centre = np.stack([rng.uniform((0.55, 0.12), (0.88, 0.45), (count, 2)), np.full((count, 2), (0.3, 0.7))], 1)
+    shape = (count, 2)
+    layouts = Layouts(
+        item=np.zeros(shape, int), symbol=np.zeros(shape, int), centre=centre, angle=np.zeros(shape),
+        scale=np.ones(shape), half_length=np.zeros(shape), radius=np.tile([0.045, 0.075], (count, 1)),
+    )  # fmt: skip
+    discs = [[(*a, 0.045, WHITE), (*b, 0.075, RED)][: 1 + item] for a, b in centre]
+    return np.stack([draw_table(*d, seed=i) for i, d in enumerate(discs)]), layouts
 
 
 @pytest.fixture(scope="module")
 def example():
     """Images with and without the red disc, paths, and labels of a user who keeps away from everything."""
-    layouts, images = two_discs(np.random.default_rng(0), SCENES)
-    _, images_without = two_discs(np.random.default_rng(0), SCENES, red=False)
+    images, layouts = scenes(np.random.default_rng(0), SCENES, item=True)
+    images_without, _ = scenes(np.random.default_rng(0), SCENES, item=False)
     z_theta = random_z_theta(np.random.default_rng(1), SCENES, PATHS)
     return images, images_without, z_theta, clearance(layouts, z_theta).min(-1) > MARGIN
 
