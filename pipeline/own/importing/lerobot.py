@@ -8,15 +8,17 @@ import av  # pyright: ignore[reportMissingImports]
 import cv2
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy import ndarray as Array
-from pydantic import BaseModel, NonNegativeInt, PositiveInt, ValidationError
+from pydantic import BaseModel, NonNegativeInt, PositiveInt, ValidationError, field_validator
 
 from pipeline.own.importing.segments import Choices, Recording
 from pipeline.own.importing.text import pair
 from pipeline.runtime.errors import InputError
 
 STATE = "observation.state"  # the feature whose columns need not be named in full
+NUMBERS = ("episode_chunk", "episode_index", "chunk_index", "file_index")  # in the names of videos
 
 
 class Feature(BaseModel):
@@ -35,6 +37,15 @@ class Info(BaseModel):
     total_episodes: NonNegativeInt
     chunks_size: PositiveInt = 1000
     video_path: str | None = None
+
+    @field_validator("video_path")
+    @classmethod
+    def _names_a_file(cls, template: str | None) -> str | None:
+        try:
+            (template or "").format(video_key="", **dict.fromkeys(NUMBERS, 0))
+        except (AttributeError, LookupError, ValueError) as error:
+            raise ValueError(f"{template!r} is no name with {', '.join(NUMBERS)} and video_key in braces") from error
+        return template
 
 
 def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[str]]:
@@ -67,6 +78,9 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     lost = 0
     for file in sorted(path.glob("data/*/*.parquet")):
         table = _parquet(file, ["episode_index", "timestamp", *(key for key, _ in filter(None, places.values()))])
+        for key, i in filter(None, places.values()):
+            if len(table[key]) and i >= (width := table[key].shape[1]):
+                raise InputError(f"{file}: {key} has {width} numbers a row, meta/info.json names more: copy it again")
         for episode in np.unique(table["episode_index"]).astype(int).tolist():
             rows = table["episode_index"][:, 0] == episode
             values = {role: table[place[0]][rows, place[1]] for role, place in places.items() if place}
@@ -83,6 +97,8 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
             recordings[episode] = Recording(name, t, xy, values.get("gripper"), words, True, {}, pictures)
     if missing := {*range(count)} - recordings.keys():
         raise InputError(f"{path} lacks {len(missing)} of {count} episodes, the first {min(missing)}: copy it again")
+    if more := recordings.keys() - {*range(count)}:
+        raise InputError(f"{path} holds the episode {max(more)}, meta/info.json names {count} episodes: copy it again")
     if not any(len(one.t) for one in recordings.values()) and lost:
         raise InputError(f"{path} has no row with a time and a position: choose others by --columns")
     notes = [f"{lost} rows without a position were left out"] if lost else []
@@ -109,14 +125,26 @@ def _parquet(file: Path, keys: Sequence[str]) -> dict[str, Array]:
     if missing := {*keys} - {*names}:
         raise InputError(f"{file} has no column {', '.join(sorted(missing))}: copy it again, or see --columns")
     table = pq.read_table(file, columns=[*dict.fromkeys(keys)])
-    columns = {key: table[key].combine_chunks() for key in keys}
-    flat = {key: column.flatten() if pa.types.is_nested(column.type) else column for key, column in columns.items()}
-    return {key: np.array(column, float).reshape(len(table), -1) for key, column in flat.items()}
+    matrices = {}
+    for key in keys:
+        column = table[key].combine_chunks()
+        nested = pa.types.is_nested(column.type)
+        widths = pc.unique(pc.list_value_length(column)).to_pylist() if nested else [1]
+        try:
+            matrices[key] = np.array(column.flatten() if nested else column, float).reshape(len(table), *widths)
+            whole = not key.endswith(("_index", "/from_timestamp")) or np.isfinite(matrices[key]).all()
+        except (TypeError, ValueError):
+            whole = False
+        if not whole:
+            raise InputError(f"{file}: {key} is not a number, or equally many numbers, in each row: copy it again")
+    return matrices
 
 
 def _videos(path: Path, info: Info, camera: str) -> dict[int, tuple[Path, float]]:
     """Return the video of each episode, and when in it the episode begins [s]."""
-    template, videos = info.video_path or "", {}
+    template, videos = info.video_path, {}
+    if template is None:
+        raise InputError(f"{path}/meta/info.json: video_path: Field required for the camera {camera}: copy it again")
     if info.codebase_version.startswith("v2."):
         for i in range(info.total_episodes):
             file = template.format(episode_chunk=i // info.chunks_size, video_key=camera, episode_index=i)

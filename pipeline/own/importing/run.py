@@ -127,7 +127,8 @@ def _readable(log: Path | str) -> Iterator[None]:
     except Exception as error:
         why = "it is truncated, damaged, or stored in a way that is not supported"
         advice = "copy it again, or repair it (`mcap recover`, `ros2 bag reindex`, `git lfs pull`); see docs/import.md"
-        raise InputError(f"{log} cannot be read ({type(error).__name__}: {error}): {why}; {advice}") from error
+        said = " ".join(f"{type(error).__name__}: {error}".split())  # those of YAML have several lines
+        raise InputError(f"{log} cannot be read ({said}): {why}; {advice}") from error
 
 
 def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Settings, Choices]:

@@ -89,6 +89,22 @@ def states(*columns: list) -> Make:
     return spoilt(lerobot(), spoil)
 
 
+def rewritten(pattern: str, column: str, change: Callable[[int, Any], Any]) -> Make:
+    """A data set in one of whose tables a column is changed, cell by cell (row, cell)."""
+
+    def spoil(log: Path) -> None:
+        table = pq.read_table(file := next(log.glob(pattern)))
+        i, cells = table.column_names.index(column), table[column].to_pylist()
+        changed = pa.array([change(row, cell) for row, cell in enumerate(cells)])
+        pq.write_table(table.set_column(i, column, changed), file)
+
+    return spoilt(lerobot(), spoil)
+
+
+def state(change: Callable[[int, Any], Any]) -> Make:
+    return rewritten("data/*/*", "observation.state", change)
+
+
 def shorten(log: Path) -> None:
     """The video of all episodes is the one of the first alone."""
     (video,) = log.rglob("*.mp4")
@@ -115,6 +131,19 @@ def second_camera(info: dict) -> None:
     info["features"]["observation.images.wrist"] = info["features"]["observation.images.top"]
 
 
+def name_more(info: dict) -> None:
+    info["features"]["observation.state"]["names"] = ["a", "b", "c", "d", "x", "y"]
+
+
+def video_path(name: str) -> Make:
+    return lerobot(info=lambda info: info.update(video_path=name))
+
+
+def open_bracket(log: Path) -> None:
+    (log / "metadata.yaml").write_text("a: [\n")
+
+
+EPISODES, FILE_INDEX = "meta/episodes/*/*", "videos/observation.images.top/file_index"
 NO_JSON = spoilt(lerobot(), lambda log: (log / "meta/info.json").write_text("["))
 NO_EPISODE = lerobot(info=lambda info: info.update(total_episodes=0))
 EMPTY = spoilt(NO_EPISODE, lambda log: shutil.rmtree(log / "data"))
@@ -175,6 +204,17 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ),
     ("info that is none", NO_JSON, "", "json: Invalid"),
     ("info with a word", lerobot(info=lambda info: info.update(total_episodes="x")), "", "total_episodes: "),
+    ("info of another data set", lerobot(info=lambda info: info.update(total_episodes=1)), "", "episode 2, .* names 1"),
+    ("info with more names", lerobot(info=name_more), "", "state has 4 numbers a row, meta/info.json names more"),
+    ("info without video_path", lerobot(info=lambda info: info.pop("video_path")), "", "video_path: Field required"),
+    ("info with a video of no name", video_path("{camera}.mp4"), "", "'{camera}.mp4' is no name with .* in braces"),
+    ("info with an open brace", video_path("{"), "", "video_path: Value error"),
+    ("episodes without a number", rewritten(EPISODES, FILE_INDEX, lambda row, cell: None), "", "file_index is not a n"),
+    ("episodes with words", rewritten(EPISODES, "episode_index", lambda row, cell: "a"), "", "index is not a n"),
+    ("states of lost samples", state(lambda row, cell: cell if row % 4 else None), "", "state is not .* in each row"),
+    ("states of 3 and 5 numbers", state(lambda row, cell: cell[:3] if row % 2 else [*cell, 9.0]), "", "in each row"),
+    ("states of words", state(lambda row, cell: "a"), "", "state is not a number"),
+    ("metadata of several lines", spoilt(poses(), open_bracket), "", r"YAML from .*, but found .* \(line: 2\)"),
     ("a data set without episodes", EMPTY, "", "no recording"),
     ("parquet without the columns", states(), "", "no column observation.state"),
     ("a data set of lost samples", states([np.nan] * 4), "", "no row with a time and a position"),
