@@ -62,7 +62,8 @@ def _eight_bits(pixels: Array, name: str) -> Array:
     """Return pixels of 8 or 16 bits a channel with 8; raise InputError if white cannot be 65,535 of 16 bits."""
     if pixels.dtype == np.uint8:
         return pixels
-    if (highest := int(pixels.max())) < DARKEST_WHITE:
+    colours = pixels[..., :3] if pixels.ndim == 3 else pixels  # alpha has a white of its own
+    if (highest := int(colours.max())) < DARKEST_WHITE:
         came = f"{name} has 16 bits a channel, and its brightest value is {highest:,}"
         raise InputError(f"{came}: expected 65,535 for white; scale all pictures alike, or save them with 8 bits")
     return np.rint(pixels * (255 / 65535)).astype(np.uint8)

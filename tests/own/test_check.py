@@ -16,7 +16,7 @@ from pipeline.own.demonstrations import check_paths
 from pipeline.own.files import KEY, Faults, check_settings, normal
 from pipeline.own.folder import read_folder
 from pipeline.own.frame import Frame
-from pipeline.own.pictures import read_picture
+from pipeline.own.pictures import read_cutout, read_picture
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT, bernstein, bezier, curve, random_z_theta
 from pipeline.world.bezier_fit import fit_any
@@ -295,6 +295,11 @@ def test_sixteen_bits_are_scaled_alike_in_all_pictures_or_refused(tmp_path: Path
     for bits in (10, 12, 14):
         with pytest.raises(InputError, match=f"a.png has 16 bits.*{2**bits - 1:,}: expected 65,535 for white"):
             read_picture(picture(2**bits - 1), "a.png")
+    cutout = np.full((60, 60, 4), [4095, 4095, 4095, 65535], np.uint16)  # alpha is full, colours have 12 bits
+    cutout[:10, :, 3] = 0
+    (tmp_path / "a.png").write_bytes(cv2.imencode(".png", cutout)[1].tobytes())
+    with pytest.raises(InputError, match=r"a.png has 16 bits.*4,095: expected 65,535 for white"):
+        read_cutout(tmp_path / "a.png", "a.png")
 
 
 MOVEMENTS = [
