@@ -56,6 +56,7 @@ def resolve(revision: str) -> str:
     """Return a commit's full hash; raise InputError if git does not know it or refuses to look."""
     found = run(["git", "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"], ROOT, capture_output=True)
     if found.returncode:
-        why = " ".join(found.stderr.split()) or "it is unknown: `git log --oneline` lists those of this clone"
+        advice = "`git log --oneline` lists what this clone has; if it is shallow, `git fetch --unshallow` brings more"
+        why = " ".join(found.stderr.split()) or f"it is unknown: {advice}"
         raise InputError(f"commit {revision!r}: {why}")
     return found.stdout.strip()
