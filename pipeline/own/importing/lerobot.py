@@ -22,7 +22,7 @@ NUMBERS = ("episode_chunk", "episode_index", "chunk_index", "file_index")  # in 
 
 
 class Feature(BaseModel):
-    """What the data set says of one feature."""
+    """Check what a data set says of one feature: its type, the names of its columns, and the shape of a row."""
 
     dtype: str
     names: list[Any] | dict[str, list[Any]] | None = None  # some robots put them into groups
@@ -30,7 +30,7 @@ class Feature(BaseModel):
 
 
 class Info(BaseModel):
-    """What is read of meta/info.json."""
+    """Check what is read of meta/info.json; other keys are ignored."""
 
     codebase_version: str
     features: dict[str, Feature]
