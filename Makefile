@@ -66,6 +66,7 @@ data-here: $(READY)
 	  "$$(if [ -n "$$(git status --porcelain store)" ]; then echo '`git checkout store` restores the store, from which they come'; \
 	  elif [ -d data ] && [ -d rendered/pictures ]; then echo '`dvc checkout --force data.dvc rendered/pictures.dvc` drops your changes'; \
 	  else echo 'store/ never had them: `dvc push $(DATA)` where they are'; fi)" >&2; exit 1; }
+	@dvc fetch --quiet --remote store studies/*/dvc.yaml 2> /dev/null || true  # into the cache alone, for `dvc checkout`: `make studies` computes them
 
 test: data-here  ## ruff, pyright, spelling, the test suite; `pytest -n 2 -m "not slow"` takes some 75 s
 	ruff check . && ruff format --check .

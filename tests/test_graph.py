@@ -11,6 +11,8 @@ import grimp
 import pytest
 import yaml
 
+from pipeline.audit.revision import checked_out
+from pipeline.git import dvc
 from pipeline.runtime.places import ROOT
 from tests.stages.facts import all_stages
 
@@ -77,6 +79,15 @@ def test_metrics_are_headlines_and_nothing_else_stays_out_of_the_cache():
         given = [next(iter(out.items())) for out in stage.get("outs", []) if isinstance(out, dict)]
         uncached = [path for path, settings in given if not settings["cache"]]
         assert len(uncached) in (0, len(stage.get("outs", []))), f"{name}: {uncached}"
+
+
+@pytest.mark.slow
+def test_whoever_ran_no_study_has_what_they_put_out_so_that_dvc_checkout_ends_well():
+    with checked_out("HEAD") as clone:
+        studies = [f"studies/{name}/dvc.yaml" for name in STUDIES]
+        dvc(clone, "fetch", "--remote", "store", *studies)
+        dvc(clone, "checkout", "--force", *studies)
+        assert sorted(path.name for path in clone.glob("outputs/studies/*")) == STUDIES
 
 
 @pytest.mark.slow
