@@ -170,7 +170,10 @@ def shadows(placed: list[tuple[Window, Drawn]], lamps: list[Lamp], rng: Rng) -> 
             layer = np.zeros((CANVAS, CANVAS), np.uint8)
             for window, item in placed:
                 shift = -lamp.direction * min(item.height_m * lamp.slant, MAX_SHADOW_M) * step * PX_PER_M
-                paste(layer, window, (item.blocks * 255).astype(np.uint8), shift)
+                corner = np.array([window[1].start, window[0].start])
+                move, mask = np.column_stack([np.eye(2), corner + np.rint(shift)]), (item.blocks * 255).astype(np.uint8)
+                moved = cv2.warpAffine(mask, move, (CANVAS, CANVAS), flags=cv2.INTER_NEAREST)
+                layer = np.maximum(layer, moved)
             sigma = 0.6 + lamp.softness_m * PX_PER_M * step
             shade = np.maximum(shade, cv2.GaussianBlur(layer, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE))
         light -= (shade.astype(np.float32) * np.float32(lamp.share / 255))[..., None] * tint
@@ -180,19 +183,6 @@ def shadows(placed: list[tuple[Window, Drawn]], lamps: list[Lamp], rng: Rng) -> 
         if item.bend_m is not None and rng.random() < 0.6:
             caustic(light, window, item, lamps[0], rng)
     return np.clip(light, 0.05, 2)
-
-
-def paste(layer: Array, window: Window, mask: Array, shift: Array) -> None:
-    """Set the maximum of a layer and a mask that is moved by whole pixels."""
-    right, down = np.rint(shift).astype(int)
-    rows, columns = window
-    top, left = rows.start + down, columns.start + right
-    bottom, end = top + mask.shape[0], left + mask.shape[1]
-    inner = slice(max(top, 0), min(bottom, CANVAS)), slice(max(left, 0), min(end, CANVAS))
-    if inner[0].start >= inner[0].stop or inner[1].start >= inner[1].stop:
-        return
-    part = mask[inner[0].start - top : inner[0].stop - top, inner[1].start - left : inner[1].stop - left]
-    np.maximum(layer[inner], part, out=layer[inner])
 
 
 def caustic(light: Array, window: Window, item: Drawn, lamp: Lamp, rng: Rng) -> None:

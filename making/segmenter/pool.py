@@ -107,11 +107,11 @@ def _solid(layouts: Layouts, scene: int, slot: int, catalogue: Catalogue) -> Arr
 def read_path_traced(folder: Path) -> Part:
     """Return the pictures of a folder of `python -m making.render` as parts of the pool are."""
     tables = read_rendered(folder)
-    layouts, shape = tables.layouts, tables.images.shape[:3]
+    layouts, n = tables.layouts, len(tables.images)
     place = (np.arange(SIDE) + 0.5) / SIDE
     points = np.stack(np.meshgrid(place, 1 - place), -1)
-    instances, see_through, look = np.zeros((3, *shape), np.uint8)
-    inner, table = np.zeros(shape, bool), np.ones(shape, bool)
+    instances, see_through, look = np.zeros((3, n, SIDE, SIDE), np.uint8)
+    inner, table = np.zeros(instances.shape, bool), np.ones(instances.shape, bool)
     for scene, slot in np.argwhere(layouts.present):
         angle, centre = layouts.angle[scene, slot], layouts.centre[scene, slot]
         half = np.array([np.cos(angle), np.sin(angle)]) * layouts.half_length[scene, slot]
