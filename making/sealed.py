@@ -6,6 +6,7 @@ python -m making.sealed    print each draw, the seed that it has and the seed th
 import hashlib
 import re
 
+import pandas as pd
 import yaml
 
 from making.data.unseen import SEED
@@ -29,18 +30,14 @@ def drawn() -> dict[str, int]:
     """Return the seed that each draw has: training sets, root seeds of params.yaml, data/, pictures."""
     params = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
     seeds = {f"seeds.{place}": seed for place, seed in enumerate(params["seeds"])}
-    seeds |= {"unseen_items_and_table_tops": SEED, **dict(_root_seeds(params))}
+    seeds["unseen_items_and_table_tops"] = SEED
+    for name, value in pd.json_normalize(params).iloc[0].items():
+        if str(name).rpartition(".")[2] in ("root_seed", "paths_seed"):
+            seeds[str(name)] = int(value)
     for split in ("test_taught", "test_held_out"):
         source = (ROOT / "rendered/pictures" / split / "SOURCE.md").read_text(encoding="utf-8")
         seeds[split] = int(re.findall(r"--seed (\d+)", source)[0])
     return seeds
-
-
-def _root_seeds(values: dict, prefix: str = "") -> list[tuple[str, int]]:
-    """Return dotted names and values of all root seeds in nested settings."""
-    seeds = [(prefix + name, value) for name, value in values.items() if name in ("root_seed", "paths_seed")]
-    inner = [(name, value) for name, value in values.items() if isinstance(value, dict)]
-    return seeds + [pair for name, value in inner for pair in _root_seeds(value, f"{prefix}{name}.")]
 
 
 if __name__ == "__main__":

@@ -30,7 +30,8 @@ def write_data(directory: Path, items: list[Design], tops: Tops) -> None:
     rows = [
         {
             "name": design.name, "symbol": design.symbol, "split": design.split, "width_m": round(design.width_m, 4),
-            "shape": design.shape, "radius_m": design.radius_m, "half_length_m": design.half_length_m,
+            "shape": "capsule" if design.half_length_m else "disc",
+            "radius_m": design.radius_m, "half_length_m": design.half_length_m,
             "file": f"items/{design.name}.png", **PROVENANCE,
         }
         for design in items

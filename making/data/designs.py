@@ -31,11 +31,6 @@ class Design:
     draw: Callable[[], np.ndarray]
 
     @property
-    def shape(self) -> str:
-        """Return the shape of the footprint."""
-        return "capsule" if self.half_length_m else "disc"
-
-    @property
     def width_m(self) -> float:
         """Return the side of the cutout [m]."""
         return 2 * (self.radius_m + self.half_length_m)

@@ -48,10 +48,7 @@ def surface(seed: int | Sequence[int], kind: str, light: Colour, dark: Colour) -
 
 def _pattern(rng: np.random.Generator, kind: str) -> Float[Array, "side side"]:
     """Return the share of the dark colour on a table top with one of the PATTERNS."""
-    y, x = (np.mgrid[:FINE, :FINE] + 0.5) / FINE
-
-    def between(low: float, high: float) -> float:
-        return rng.uniform(low, high)
+    (y, x), between = (np.mgrid[:FINE, :FINE] + 0.5) / FINE, rng.uniform
 
     def cloud(scale: float, across: float | None = None) -> Float[Array, "side side"]:
         return noise(rng, scale, across or scale)

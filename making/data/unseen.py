@@ -10,10 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from making.data.kitchenware import GOLD, PIECES, STEEL
+from making.data.kitchenware import GOLD, PIECES, STEEL, Colour
 from making.data.shading import ROUND, Outline, cut, eared, oval, polygon, scalloped, spouted
 
-Colour = tuple[float, float, float]
 Row = tuple  # a row of one of the tables in making.data.designs
 
 SEED = 2136454221  # of every draw, from docs/expectations.csv (making.sealed)

@@ -103,13 +103,10 @@ def _bowl(rng: Rng, shape: str, finish: str) -> Design:
     if shape == "trough":
         half_length, high = radius * rng.uniform(0.6, 0.9), 0.7 * high
     radius = radius / (1 + 0.6 * half_length / radius)
-    steps = np.linspace(0, 1, 7)
-    bulge = {"straight": 1.1, "lipped": 1.7, "flared": 0.7, "boat": 0.8, "trough": 3.5}.get(shape, 2.2) * rng.uniform(
-        0.85, 1.2
-    )
+    bulge = {"straight": 1.1, "lipped": 1.7, "flared": 0.7, "boat": 0.8, "trough": 3.5}.get(shape, 2.2)
+    steps, bulge = np.linspace(0, 1, 7), bulge * rng.uniform(0.85, 1.2)
     if shape == "stepped":
-        steps = np.array([0, 0.5, 0.55, 0.56, 1.0])
-        bulge = 1.3
+        steps, bulge = np.array([0, 0.5, 0.55, 0.56, 1.0]), 1.3
     outer = [(foot, 0.0), (foot, raised)]
     outer += [(foot + (radius - foot) * s ** (1 / bulge), raised + (high - raised) * s) for s in steps[1:]]
     if shape == "lipped":
@@ -177,7 +174,7 @@ def _glass(rng: Rng, shape: str, finish: str) -> Design:
     """Draw a glass: 6 to 14 cm high, with a thick base and a wall of 1.5 to 5 mm."""
     radius, half_length = rng.uniform(0.037, 0.049), 0.0
     high, base, wall = rng.uniform(0.07, 0.125), rng.uniform(0.005, 0.013), rng.uniform(0.0015, 0.0028)
-    foot = radius * rng.uniform(0.82, 0.97)
+    foot, start = radius * rng.uniform(0.82, 0.97), 0.0
     if shape == "tapered":
         foot = radius * rng.uniform(0.6, 0.78)
     if shape == "heavy":
@@ -188,13 +185,10 @@ def _glass(rng: Rng, shape: str, finish: str) -> Design:
         foot = min(foot, 0.95 * radius)
     if shape == "waisted":
         waist = radius * rng.uniform(0.68, 0.8)
-        start = 0.0
         outer = [(foot, 0.0), (foot, 0.004), (waist, 0.4 * high), (0.97 * waist, 0.55 * high), (radius, high)]
     elif shape in ("coupe glass", "martini"):
         start, foot = rng.uniform(0.05, 0.075), radius * rng.uniform(0.6, 0.75)
-        cup = (
-            [(0.35, 0.0), (0.75, 0.25), (0.95, 0.6), (1.0, 1.0)] if shape == "coupe glass" else [(0.2, 0.0), (1.0, 1.0)]
-        )
+        cup = [(0.2, 0.0), (1.0, 1.0)] if shape == "martini" else [(0.35, 0.0), (0.75, 0.25), (0.95, 0.6), (1.0, 1.0)]
         stem = [(foot, 0.0), (foot, 0.002), (0.006, 0.006), (0.005, start - 0.006)]
         outer, base = stem + [(r * radius, start + z * 0.4 * high) for r, z in cup], min(base, 0.006) + start
     elif shape == "pedestal":
@@ -204,12 +198,12 @@ def _glass(rng: Rng, shape: str, finish: str) -> Design:
     elif shape in ("stemless", "goblet"):
         mouth, waist = radius * rng.uniform(0.66, 0.8), rng.uniform(0.35, 0.5)
         cup = [(0.5, 0.0), (0.86, 0.12), (0.98, 0.28), (1.0, waist), (0.93, 0.72), (mouth / radius, 1.0)]
-        start, foot = (0.0, 0.0) if shape == "stemless" else (rng.uniform(0.035, 0.06), 0.8 * radius)
-        bowl = [(r * radius, start + z * high) for r, z in cup]
-        stem = [] if not start else [(foot, 0.0), (foot, 0.002), (0.006, 0.006), (0.005, start - 0.008)]
-        outer, base = stem + bowl, base + start
+        stem = []
+        if shape == "goblet":
+            start, foot = rng.uniform(0.035, 0.06), 0.8 * radius
+            stem = [(foot, 0.0), (foot, 0.002), (0.006, 0.006), (0.005, start - 0.008)]
+        outer, base = stem + [(r * radius, start + z * high) for r, z in cup], base + start
     else:
-        start = 0.0
         outer = [(foot, 0.0), (foot * 1.01, 0.003), ((foot + radius) / 2, high / 2), (radius, high)]
     mesh = turned(_wall(outer, wall, base, start), radius, half_length)
     paint = partial(finishes.glass, int(rng.integers(2**31)), finish)
@@ -285,11 +279,10 @@ def _piece(rng: Rng, shape: str, radius: float, reach: float) -> list[tuple[Mesh
     width = radius * np.interp(share, [0, 0.2, root], [slim / radius, 0.85, 1.0])
     meshes = [(handle, False), (_rod(x[palm], 0 * x[palm], width[palm], thin[palm], 0.002), True)]
     each = radius / tines * rng.uniform(0.55, 0.7)
-    taper = each * np.interp(share[share >= root], [root, 0.9, 1.0], [1, 0.75, 0.4])
-    for middle in np.linspace(-radius + each, radius - each, tines):
-        xs = x[share >= root]
-        meshes.append((_rod(xs, np.full_like(xs, middle), taper, thin[share >= root], 0.002), True))
-    return meshes
+    x, share, thin = (values[share >= root] for values in (x, share, thin))
+    taper = each * np.interp(share, [root, 0.9, 1.0], [1, 0.75, 0.4])
+    middles = np.linspace(-radius + each, radius - each, tines)
+    return meshes + [(_rod(x, np.full_like(x, middle), taper, thin, 0.002), True) for middle in middles]
 
 
 def _rod(x, y, width, thickness, lift: float, arch: float = 0.0, cup: np.ndarray | float = 0.0) -> Mesh:

@@ -57,7 +57,10 @@ def set_up() -> None:
 
 def furnish(rng: np.random.Generator, family: str) -> Light:
     """Replace whatever stands in the scene by a bare table of this family under random light; return the light."""
-    _clear()
+    data = bpy.data
+    for collection in (data.objects, data.meshes, data.materials, data.lights, data.cameras, data.worlds, data.images):
+        for block in list(collection):
+            collection.remove(block)
     bpy.ops.mesh.primitive_plane_add(size=GROUND_M, location=(0.5, 0.5, 0.0))
     bpy.context.object.data.materials.append(table_top(rng, family))
     lamps = str(rng.choice(LAMPS))
@@ -74,27 +77,15 @@ def furnish(rng: np.random.Generator, family: str) -> Light:
     return Light(lamps, float(elevation), float(camera_m))
 
 
-def _clear() -> None:
-    """Remove all objects, meshes, materials, lamps and cameras."""
-    data = bpy.data
-    for collection in (data.objects, data.meshes, data.materials, data.lights, data.cameras, data.worlds, data.images):
-        for block in list(collection):
-            collection.remove(block)
-
-
 def _surround(rng: np.random.Generator, share: float) -> None:
     """Surround the table by a room of two colours, brighter on one side, that gives this share of the irradiance."""
     world = bpy.context.scene.world = bpy.data.worlds.new("room")
     n = Nodes(world)
-    inputs: dict[int | str, Any] = {
-        "Vector": n.add("TexCoord"),
-        "W": rng.uniform(-50, 50),
-        "Scale": rng.uniform(0.8, 2.5),
-    }
+    inputs = {"Vector": n.add("TexCoord"), "W": rng.uniform(-50, 50), "Scale": rng.uniform(0.8, 2.5)}
     ramp = n.add("ValToRGB", {0: n.add("TexNoise", inputs, noise_dimensions="4D")})
     tint = 1 + rng.normal(0, 0.08, 3)
     low, high = rng.uniform(0.1, 0.6), rng.uniform(1.4, 3.0)
-    stops = zip(ramp.node.color_ramp.elements, (0.35, 0.7), (low * tint, high * tint[::-1]), strict=True)
+    stops = zip(ramp.socket.node.color_ramp.elements, (0.35, 0.7), (low * tint, high * tint[::-1]), strict=True)
     for stop, position, colour in stops:
         stop.position, stop.color = position, (*colour, 1.0)
     world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", 64
@@ -162,10 +153,8 @@ def stand(design: Design, centre: np.ndarray, angle: float, scale: float) -> lis
 
 def radiance(shown: list[Any], hidden: list[Any]) -> np.ndarray:
     """Return the picture (100, 100, 3) in linear RGB with these objects shown and those hidden."""
-    for body in shown:
-        body.hide_render = False
-    for body in hidden:
-        body.hide_render = True
+    for body in shown + hidden:
+        body.hide_render = body in hidden
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "picture.exr"
         bpy.context.scene.render.filepath = str(file)

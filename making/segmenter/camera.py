@@ -12,11 +12,12 @@ from jaxtyping import Float32, UInt8
 from numpy import ndarray as Array
 
 from making.segmenter.items import Drawn
-from making.segmenter.paint import Top, noise
+from making.segmenter.paint import Rng, noise
 from pipeline.world.layout import SIDE
 
 SAMPLES = 2  # samples per pixel along each axis
 PX_PER_M = SIDE * SAMPLES
+FINE = SIDE * SAMPLES  # side of the camera's finer picture [pixels]
 CANVAS_M = 1.08  # side of the drawn table [m]: the camera's perspective stays within it
 CANVAS = round(CANVAS_M * PX_PER_M)  # [pixels]
 Window = tuple[slice, slice]  # rows and columns of the canvas
@@ -25,12 +26,6 @@ Picture = Float32[Array, "side side 3"]
 MAX_SHADOW_M = 0.08  # longest shadow [m]
 SHADOW_STEPS = (0.15, 0.4, 0.7, 1.0)  # shares of a shadow's length at which an item's outline is laid down
 MIN_COVER = 62  # share [1 / 255] from which a pixel is an item's: a quarter, as handles are thinner than pixels
-
-
-def axes() -> tuple[Array, Array]:
-    """Return x and y from -0.5 to 0.5 along the canvas, as a row and a column."""
-    along = np.linspace(-0.5, 0.5, CANVAS, dtype=np.float32)
-    return along[None, :], along[:, None]
 
 
 class Camera(NamedTuple):
@@ -45,12 +40,10 @@ class Camera(NamedTuple):
     jpeg: int | None
     glare: Plane | None
 
-    def take(self, rng: np.random.Generator, canvas: Array) -> UInt8[Array, "100 100 3"]:
+    def take(self, rng: Rng, canvas: Array) -> UInt8[Array, "100 100 3"]:
         """Return the picture of a canvas."""
-        side = SIDE * SAMPLES
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        canvas = canvas.astype(np.float32)
-        seen = cv2.warpPerspective(canvas, self.view, (side, side), flags=flags, borderMode=cv2.BORDER_REFLECT)
+        flags, canvas = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, canvas.astype(np.float32)
+        seen = cv2.warpPerspective(canvas, self.view, (FINE, FINE), flags=flags, borderMode=cv2.BORDER_REFLECT)
         if self.blur > 0.3:
             seen = cv2.GaussianBlur(seen, (0, 0), self.blur)
         picture = cv2.resize(seen, (SIDE, SIDE), interpolation=cv2.INTER_AREA)
@@ -69,25 +62,24 @@ class Camera(NamedTuple):
 
     def label(self, labels: UInt8[Array, "side side"], count: int) -> UInt8[Array, "100 100"]:
         """Return the item that covers most of each pixel, at least a quarter; 0 for the table."""
-        side = SIDE * SAMPLES
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-        seen = cv2.warpPerspective(labels, self.view, (side, side), flags=flags, borderMode=cv2.BORDER_REFLECT)
+        seen = cv2.warpPerspective(labels, self.view, (FINE, FINE), flags=flags, borderMode=cv2.BORDER_REFLECT)
         result, best = np.zeros((SIDE, SIDE), np.uint8), np.full((SIDE, SIDE), MIN_COVER, np.uint8)
         for k in range(1, count + 1):
             mask = np.where(seen == k, np.uint8(255), np.uint8(0))
             share = cv2.resize(mask, (SIDE, SIDE), interpolation=cv2.INTER_AREA)
-            if (larger := share > best).any():
-                result[larger], best[larger] = k, share[larger]
+            larger = share > best
+            result[larger], best[larger] = k, share[larger]
         return result
 
 
-def draw_camera(rng: np.random.Generator) -> Camera:
+def draw_camera(rng: Rng) -> Camera:
     """Draw a camera above the table, tilted by up to a few degrees."""
-    margin, side = (CANVAS_M - 1) / 2, SIDE * SAMPLES
+    margin = (CANVAS_M - 1) / 2
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     tilt = rng.uniform(-1, 1, (4, 2)) * margin * rng.choice([0.0, 0.3, 1.0])
     corners = (square + margin + tilt) * PX_PER_M - 0.5
-    view = cv2.getPerspectiveTransform(np.float32(square * side - 0.5), np.float32(corners))  # pyright: ignore
+    view = cv2.getPerspectiveTransform(np.float32(square * FINE - 0.5), np.float32(corners))  # pyright: ignore
     glare = None
     if rng.random() < 0.25:
         along = np.linspace(-0.5, 0.5, SIDE, dtype=np.float32)
@@ -116,13 +108,11 @@ class Lamp(NamedTuple):
     softness_m: float
 
 
-def draw_lamps(rng: np.random.Generator) -> list[Lamp]:
+def draw_lamps(rng: Rng) -> list[Lamp]:
     """Draw one to three lamps that share the direct light; the rest is ambient."""
     count = int(rng.choice([1, 2, 3], p=[0.65, 0.25, 0.1]))
-    direct = rng.uniform(0.2, 0.9)
-    shares = rng.dirichlet(np.full(count, 2.0)) * direct
-    lamps = []
-    for share in shares:
+    direct, lamps = rng.uniform(0.2, 0.9), []
+    for share in rng.dirichlet(np.full(count, 2.0)) * direct:
         bearing = rng.uniform(0, 2 * np.pi)
         direction = np.array([np.cos(bearing), np.sin(bearing)])
         slant = float(np.exp(rng.uniform(-1.2, 1.1))) if rng.random() < 0.5 else rng.uniform(1, 4)
@@ -130,9 +120,10 @@ def draw_lamps(rng: np.random.Generator) -> list[Lamp]:
     return lamps
 
 
-def draw_illumination(rng: np.random.Generator, lamps: list[Lamp]) -> Picture:
+def draw_illumination(rng: Rng, lamps: list[Lamp]) -> Picture:
     """Return the light on the bare table: exposure, white balance, fall-off, pools of light, glare and soft shade."""
-    x, y = axes()
+    x = np.linspace(-0.5, 0.5, CANVAS, dtype=np.float32)
+    y = x[:, None]
     field = 1 + rng.uniform(0, 0.5) ** 1.5 * (x * lamps[0].direction[0] + y * lamps[0].direction[1])
     centre = rng.uniform(-0.5, 0.5, 2)
     field = field * (1 - rng.uniform(0, 0.35) ** 1.5 * ((x - 0.3 * centre[0]) ** 2 + (y - 0.3 * centre[1]) ** 2) * 2)
@@ -148,7 +139,7 @@ def draw_illumination(rng: np.random.Generator, lamps: list[Lamp]) -> Picture:
     return field[..., None].astype(np.float32) * rng.normal(1, 0.06, 3).astype(np.float32)
 
 
-def outside_shadow(rng: np.random.Generator) -> Plane:
+def outside_shadow(rng: Rng) -> Plane:
     """Return the shadow of what stands or hangs outside the picture: window bars, edges, blots."""
     mask = np.zeros((CANVAS, CANVAS), np.uint8)
     turn, kind = rng.uniform(0, 180), rng.integers(3)
@@ -157,62 +148,44 @@ def outside_shadow(rng: np.random.Generator) -> Plane:
         if kind < 2:
             size = [2.0 * CANVAS, rng.uniform(0.02, 0.08 if kind else 0.5) * CANVAS]
             turn += 90.0 * rng.integers(2)
-        else:
-            size, turn = rng.uniform(0.06, 0.4, 2) * CANVAS, rng.uniform(0, 180)
-        if kind < 2:
             cv2.fillConvexPoly(mask, np.int32(cv2.boxPoints((centre.tolist(), list(size), turn))), 255)  # pyright: ignore
         else:
+            size, turn = rng.uniform(0.06, 0.4, 2) * CANVAS, rng.uniform(0, 180)
             cv2.ellipse(mask, (centre.tolist(), list(size), turn), 255, -1)  # pyright: ignore
     return cv2.GaussianBlur(mask, (0, 0), np.exp(rng.uniform(0, 2.3))).astype(np.float32) / 255
 
 
-def exposed(rng: np.random.Generator, table: Top, illumination: Picture) -> float:
-    """Return the gain of a camera that brings the table part of the way to a medium brightness."""
-    brightness = float((table[::8, ::8] * illumination[::8, ::8]).mean())
-    return (rng.uniform(0.25, 0.7) / max(brightness, 0.03)) ** rng.uniform(0.2, 1) * np.exp(rng.normal(0, 0.1))
-
-
-def shadows(windows: list[Window], drawn: list[Drawn], lamps: list[Lamp], rng: np.random.Generator) -> Picture:
+def shadows(placed: list[tuple[Window, Drawn]], lamps: list[Lamp], rng: Rng) -> Picture:
     """Return the share of the light that reaches the table: shadows of each lamp, contact shade and caustics."""
     light = np.ones((CANVAS, CANVAS, 3), np.float32)
-    if not drawn:
+    if not placed:
         return light
     tint = 1 - rng.uniform(0, 0.12, 3).astype(np.float32) * np.array([1, 0.8, 0.4], np.float32)
     contact = np.zeros((CANVAS, CANVAS), np.uint8)
-    for window, item in zip(windows, drawn, strict=True):
+    for window, item in placed:
         contact[window] = np.maximum(contact[window], (item.blocks * 255).astype(np.uint8))
     for lamp in lamps:
         shade = np.zeros((CANVAS, CANVAS), np.uint8)
         for step in SHADOW_STEPS:
             layer = np.zeros((CANVAS, CANVAS), np.uint8)
-            for window, item in zip(windows, drawn, strict=True):
+            for window, item in placed:
                 shift = -lamp.direction * min(item.height_m * lamp.slant, MAX_SHADOW_M) * step * PX_PER_M
-                paste(layer, window, (item.blocks * 255).astype(np.uint8), shift)
+                corner = np.array([window[1].start, window[0].start])
+                move, mask = np.column_stack([np.eye(2), corner + np.rint(shift)]), (item.blocks * 255).astype(np.uint8)
+                moved = cv2.warpAffine(mask, move, (CANVAS, CANVAS), flags=cv2.INTER_NEAREST)
+                layer = np.maximum(layer, moved)
             sigma = 0.6 + lamp.softness_m * PX_PER_M * step
             shade = np.maximum(shade, cv2.GaussianBlur(layer, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE))
         light -= (shade.astype(np.float32) * np.float32(lamp.share / 255))[..., None] * tint
     around = cv2.GaussianBlur(contact, (0, 0), rng.uniform(1.5, 6)).astype(np.float32) / 255
     light *= (1 - rng.uniform(0, 0.4) * around)[..., None]
-    for window, item in zip(windows, drawn, strict=True):
+    for window, item in placed:
         if item.bend_m is not None and rng.random() < 0.6:
             caustic(light, window, item, lamps[0], rng)
     return np.clip(light, 0.05, 2)
 
 
-def paste(layer: Array, window: Window, mask: Array, shift: Array) -> None:
-    """Set the maximum of a layer and a mask that is moved by whole pixels."""
-    right, down = np.rint(shift).astype(int)
-    rows, columns = window
-    top, left = rows.start + down, columns.start + right
-    bottom, end = top + mask.shape[0], left + mask.shape[1]
-    inner = slice(max(top, 0), min(bottom, CANVAS)), slice(max(left, 0), min(end, CANVAS))
-    if inner[0].start >= inner[0].stop or inner[1].start >= inner[1].stop:
-        return
-    part = mask[inner[0].start - top : inner[0].stop - top, inner[1].start - left : inner[1].stop - left]
-    np.maximum(layer[inner], part, out=layer[inner])
-
-
-def caustic(light: Array, window: Window, item: Drawn, lamp: Lamp, rng: np.random.Generator) -> None:
+def caustic(light: Array, window: Window, item: Drawn, lamp: Lamp, rng: Rng) -> None:
     """Brighten the middle of a clear item's shadow."""
     rows, columns = window
     size = (columns.stop - columns.start) / 2

@@ -17,13 +17,13 @@ from making.segmenter import camera
 from making.segmenter import items as draw
 from making.segmenter.camera import CANVAS, CANVAS_M, PX_PER_M, Lamp, Window
 from making.segmenter.items import Drawn, Frame
-from making.segmenter.paint import SIDE_M, Top
+from making.segmenter.paint import SIDE_M, Rng, Top
 from making.segmenter.tops import FAMILIES as FAMILIES
 from making.segmenter.tops import draw_top
 from making.segmenter.tops import family_names as family_names
 from pipeline.perception.segmenter import LOOKS
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import APPEARANCES, SIDE, SYMBOLS, segment_distance
+from pipeline.world.layout import APPEARANCES, SYMBOLS, segment_distance
 
 TOP = round(SIDE_M * PX_PER_M)  # side of a drawn top [pixels]
 SEE_THROUGH = 0.5  # mean alpha below which an item lets the table show through
@@ -76,65 +76,66 @@ class Setting(NamedTuple):
     lens: camera.Camera
 
 
-def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], palette: Palette) -> Composites:
+def draw_composites(rng: Rng, n: int, families: Sequence[str], palette: Palette) -> Composites:
     """Draw `n` pictures on tops of the named families with 0 to 6 items each.
 
     Raises ValueError for an unknown family.
     """
     if unknown := sorted(set(families) - set(FAMILIES)):
         raise ValueError(f"unknown families {unknown}: expected names from {sorted(FAMILIES)}")
-    images, empty = np.empty((2, n, SIDE, SIDE, 3), np.uint8)
-    instances, see_through, look = np.empty((3, n, SIDE, SIDE), np.uint8)
-    names: list[str] = []
+    names, scenes = [], []
     for scene in range(n):
         if scene % TOP_USES == 0:
             name, top = draw_top(rng, families, TOP)
         names.append(name)
-        drawn = draw_scene(rng, draw_setting(rng, top), palette)
-        images[scene], instances[scene], empty[scene], see_through[scene], look[scene] = drawn
-    return Composites(images, instances, empty, np.array(names), see_through, look)
+        scenes.append(draw_scene(rng, draw_setting(rng, top), palette))
+    return _batch(scenes, names)
 
 
-def draw_arrangements(rng: np.random.Generator, n: int, family: str, palette: Palette) -> Composites:
+def draw_arrangements(rng: Rng, n: int, family: str, palette: Palette) -> Composites:
     """Draw `n` arrangements on one table under one camera, whose light varies a little."""
     name, top = draw_top(rng, [family], TOP)
     setting = draw_setting(rng, top)
     gains = rng.normal(1, 0.03, n).astype(np.float32)
-    drawn = [draw_scene(rng, setting._replace(illumination=setting.illumination * g), palette) for g in gains]
-    images, instances, empty, see_through, look = (np.stack(parts) for parts in zip(*drawn, strict=True))
-    return Composites(images, instances, empty, np.array([name] * n), see_through, look)
+    scenes = [draw_scene(rng, setting._replace(illumination=setting.illumination * g), palette) for g in gains]
+    return _batch(scenes, [name] * n)
 
 
-def draw_setting(rng: np.random.Generator, top: Top) -> Setting:
+def _batch(scenes: list[tuple[Array, Array, Array, Array, Array]], families: list[str]) -> Composites:
+    """Return scenes of `draw_scene` as one batch."""
+    images, instances, empty, see_through, look = (np.stack(parts) for parts in zip(*scenes, strict=True))
+    return Composites(images, instances, empty, np.array(families), see_through, look)
+
+
+def draw_setting(rng: Rng, top: Top) -> Setting:
     """Draw a table with its light and camera."""
     table = turned(rng, top)
     lamps = camera.draw_lamps(rng)
     illumination = camera.draw_illumination(rng, lamps)
-    illumination *= np.float32(camera.exposed(rng, table, illumination))
+    brightness = max(float((table[::8, ::8] * illumination[::8, ::8]).mean()), 0.03)
+    gain = (rng.uniform(0.25, 0.7) / brightness) ** rng.uniform(0.2, 1) * np.exp(rng.normal(0, 0.1))
+    illumination *= np.float32(gain)  # the camera brings the table part of the way to a medium brightness
     return Setting(table, lamps, illumination, camera.draw_camera(rng))
 
 
-def draw_scene(
-    rng: np.random.Generator, setting: Setting, palette: Palette
-) -> tuple[Array, Array, Array, Array, Array]:
+def draw_scene(rng: Rng, setting: Setting, palette: Palette) -> tuple[Array, Array, Array, Array, Array]:
     """Draw one scene; return its picture, instances, picture without items, see-through pixels and looks."""
     table, lamps, illumination, lens = setting
-    windows, drawn = draw_items(rng, palette, lamps, table)
-    light = camera.shadows(windows, drawn, lamps, rng)
-    scene = table * light
+    placed = draw_items(rng, palette, lamps, table)
+    scene = table * camera.shadows(placed, lamps, rng)
     labels, clear, look = np.zeros((3, CANVAS, CANVAS), np.uint8)
-    for k, (window, item) in enumerate(zip(windows, drawn, strict=True), 1):
+    for k, (window, item) in enumerate(placed, 1):
         cover(scene, window, item)
         labels[window][item.silhouette] = k
         look[window][item.silhouette] = 1 + LOOKS.index(item.look)
         clear[window][item.silhouette] = item.alpha[item.silhouette].sum() < SEE_THROUGH * item.silhouette.sum()
     image, empty = (lens.take(rng, lit * illumination) for lit in (scene, table))
-    instances = lens.label(labels, len(drawn))
+    instances = lens.label(labels, len(placed))
     shown = instances > 0
     return image, instances, empty, lens.label(clear, 1) * shown, lens.label(look, len(LOOKS)) * shown
 
 
-def turned(rng: np.random.Generator, top: Top) -> Top:
+def turned(rng: Rng, top: Top) -> Top:
     """Return a part of the top, turned, scaled, mirrored and tinted at random."""
     angle, scale = rng.uniform(0, 2 * np.pi), rng.uniform(0.6, 1.1)
     if rng.random() < 0.5:
@@ -183,10 +184,8 @@ def read_palette(data: str) -> Palette:
     return Palette(cutouts, width, half_length, radius, np.array([SYMBOLS.index(s) for s in table["symbol"]]))
 
 
-def draw_items(
-    rng: np.random.Generator, palette: Palette, lamps: list[Lamp], table: Top
-) -> tuple[list[Window], list[Drawn]]:
-    """Draw the items and the windows of the canvas that they fill; some are made of what tops are made of."""
+def draw_items(rng: Rng, palette: Palette, lamps: list[Lamp], table: Top) -> list[tuple[Window, Drawn]]:
+    """Draw the items, each with the window of the canvas that it fills; some are made of what tops are made of."""
     count = int(rng.choice(MAX_ITEMS + 1, p=COUNTS))
     if rng.random() < FULL_CHANCE:
         count = int(rng.integers(MOST + 1))
@@ -195,8 +194,7 @@ def draw_items(
     slant = rng.uniform(*SLANT)
     gap = -OVERLAP_M * near if rng.random() < OVERLAP_CHANCE else MIN_GAP_M
     tight, tall = rng.random() < TIGHT_CHANCE, not aslant and rng.random() < 0.5
-    segments, radii = np.empty((0, 2, 2)), np.empty(0)
-    windows, drawn = [], []
+    segments, radii, placed = np.empty((0, 2, 2)), np.empty(0), []
     for _ in range(count):
         kind = "cutout" if rng.random() < CUTOUT_CHANCE else rng.choice(KINDS, p=SHARES)
         if aslant and rng.random() < STANDING_CHANCE:
@@ -211,8 +209,7 @@ def draw_items(
         centre, angle, segment = place
         segments, radii = np.concatenate([segments, segment[None]]), np.append(radii, radius)
         lean = np.zeros(2) if not tall else (centre - CANVAS_M / 2) * 0.06
-        reach = 1.3 * half + 0.01 + np.abs(lean).max()
-        window, frame = frame_of(centre, angle, reach, lamps[0])
+        window, frame = frame_of(centre, angle, 1.3 * half + 0.01 + np.abs(lean).max(), lamps[0])
         to_item = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         if kind == "cutout":
             item = cut_out(rng, palette, index, scale * near, frame)._replace(look=LOOKS[palette.symbol[index]])
@@ -229,12 +226,11 @@ def draw_items(
             item = item._replace(bend_m=item.bend_m @ to_item)
         elif rng.random() < RESURFACED_CHANCE:
             item = resurfaced(rng, item, table)
-        windows.append(window)
-        drawn.append(item)
-    return windows, drawn
+        placed.append((window, item))
+    return placed
 
 
-def resurfaced(rng: np.random.Generator, item: Drawn, table: Top) -> Drawn:
+def resurfaced(rng: Rng, item: Drawn, table: Top) -> Drawn:
     """Return an item that is hard to see: translucent, of the table's colour, or of a material of tables."""
     kind = rng.random()
     if kind < 0.3:
@@ -254,9 +250,7 @@ def resurfaced(rng: np.random.Generator, item: Drawn, table: Top) -> Drawn:
     return item._replace(rgb=(swatch * light * np.float32(rng.uniform(0.6, 1.4))).astype(np.float32))
 
 
-def size_of(
-    rng: np.random.Generator, kind: str, scale: float, palette: Palette, index: int, slant: float
-) -> tuple[float, float]:
+def size_of(rng: Rng, kind: str, scale: float, palette: Palette, index: int, slant: float) -> tuple[float, float]:
     """Return an item's half-length, ends included, and the radius of its footprint [m]; slant: lean over height."""
     if kind == "cutout":
         radius = palette.radius_m[index] * scale
@@ -275,20 +269,12 @@ def size_of(
         half = rng.uniform(0.05, 0.09) * scale
         return half, half * rng.uniform(0.4, 1)
     dish = (0.085, 0.14) if rng.random() < 0.25 else (0.055, 0.085)
-    low, high = {"glass": (0.038, 0.05), "mug": (0.045, 0.065), "crockery": dish}[kind]
-    radius = rng.uniform(low, high) * scale
+    radius = rng.uniform(*{"glass": (0.038, 0.05), "mug": (0.045, 0.065), "crockery": dish}[kind]) * scale
     return radius, radius
 
 
 def place_item(
-    rng: np.random.Generator,
-    half: float,
-    radius: float,
-    segments: Array,
-    radii: Array,
-    tight: bool,
-    least: float,
-    angle: float | None,
+    rng: Rng, half: float, radius: float, segments: Array, radii: Array, tight: bool, least: float, angle: float | None
 ) -> tuple[Array, float, Array] | None:
     """Return a free place: centre [m] on the canvas, angle and segment; None if there is none.
 
@@ -320,11 +306,11 @@ def frame_of(centre: Array, angle: float, reach: float, lamp: Lamp) -> tuple[Win
     return (slice(first[1], last[1]), slice(first[0], last[0])), Frame(c * x + s * y, c * y - s * x, towards)
 
 
-def cut_out(rng: np.random.Generator, palette: Palette, index: int, scale: float, frame: Frame) -> Drawn:
+def cut_out(rng: Rng, palette: Palette, index: int, scale: float, frame: Frame) -> Drawn:
     """Return a cut-out in its frame, with another tint, contrast and sometimes another decoration."""
     source, symbol = palette.cutouts[index], APPEARANCES[palette.symbol[index]]
-    per_m = np.float32(len(source) / (palette.width_m[index] * scale))
-    columns, rows = (frame.x * per_m + len(source) / 2 - 0.5), (frame.y * per_m + len(source) / 2 - 0.5)
+    half, per_m = palette.width_m[index] * scale / 2, np.float32(len(source) / (palette.width_m[index] * scale))
+    columns, rows = (along * per_m + len(source) / 2 - 0.5 for along in (frame.x, frame.y))
     rgba = cv2.remap(source, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
     alpha = rgba[..., 3]
     rgb = rgba[..., :3] / np.maximum(alpha, 1e-3)[..., None]
@@ -332,9 +318,8 @@ def cut_out(rng: np.random.Generator, palette: Palette, index: int, scale: float
         rgb = rgb[..., rng.permutation(3)]
     rgb = rgb ** np.float32(np.exp(rng.normal(0, 0.35))) * rng.normal(1, 0.15, 3).astype(np.float32)
     if rng.random() < 0.25 and not symbol.transparent:
-        half = max(palette.width_m[index] * scale / 2, 0.02)
-        rgb = rgb * (draw.decorated(rng, frame.x, frame.y, half) + 0.15)
-    towards = (frame.x * frame.lamp[0] + frame.y * frame.lamp[1]) / (palette.width_m[index] * scale / 2)
+        rgb = rgb * (draw.decorated(rng, frame.x, frame.y, max(half, 0.02)) + 0.15)
+    towards = (frame.x * frame.lamp[0] + frame.y * frame.lamp[1]) / half
     rgb = rgb * (1 - rng.uniform(0, 2) * symbol.concavity * np.clip(towards, -1, 1))[..., None]
     height = symbol.height_m * rng.uniform(0.5, 5)
     if not symbol.transparent:

@@ -10,14 +10,13 @@ from making.segmenter.paint import (
     FRACTION_BITS,
     Colour,
     Field,
-    Number,
+    Rng,
     Top,
     bend,
     blend,
     cloth,
     colour,
     dried,
-    flat,
     grid,
     ink,
     near,
@@ -33,43 +32,35 @@ from making.segmenter.paint import (
 )
 
 
-def grain(rng: np.random.Generator, side: int) -> Field:
+def grain(rng: Rng, side: int) -> Field:
     """Return the streaks of straight grain, from 0 to 1: fine fibres over broad bands."""
     fibres = noise(rng, side, rng.uniform(60, 160), 2, 0.7, stretch=rng.uniform(12, 40))
     bands = noise(rng, side, rng.uniform(5, 25), 2, 0.6, stretch=rng.uniform(4, 15))
     return np.clip(0.5 + rng.uniform(0.05, 0.25) * fibres + rng.uniform(0.05, 0.3) * bands, 0, 1)
 
 
-def wood_shades(rng: np.random.Generator) -> list[Colour]:
+def wood_shades(rng: Rng) -> list[Colour]:
     """Draw the dark and the light colour of one wood."""
     light = wood(rng)
     return [light * rng.uniform(0.45, 0.9) * np.array([1, 0.96, 0.92], np.float32), light]
 
 
-def boards(rng: np.random.Generator, side: int, rows: float, lengths: tuple[Number, Number]) -> tuple[Field, Field]:
-    """Return a random number from 0 to 1 for each board of a floor, and each pixel's distance from its edge."""
-    x, y = grid(side)
+def planks(rng: Rng, side: int) -> Top:
+    """Draw planks side by side, each with a length, shade and grain of its own."""
+    (x, y), rows = grid(side), rng.uniform(4, 16)
     row = np.floor(y * rows).astype(int)
-    length = rng.uniform(*lengths, row.max() + 1)[row].astype(np.float32)
+    length = rng.uniform(0.5, 3, row.max() + 1)[row].astype(np.float32)
     along = x / length + rng.random(row.max() + 1)[row].astype(np.float32)
     number = rng.random(4096).astype(np.float32)[(row * 97 + np.floor(along).astype(int) * 31) % 4096]
-    across = np.abs((y * rows) % 1 - 0.5)
-    to_end = (0.5 - np.abs(along % 1 - 0.5)) * length
-    return number, np.minimum((0.5 - across) / rows, to_end)
-
-
-def planks(rng: np.random.Generator, side: int) -> Top:
-    """Draw planks side by side, each with a shade and grain of its own."""
-    number, edge = boards(rng, side, rng.uniform(4, 16), (0.5, 3))
-    field = grain(rng, side)
-    rows = (np.arange(side)[:, None] + (number * side).astype(int)) % side
-    field = np.take_along_axis(field, rows, 0)
+    edge = np.minimum((0.5 - np.abs((y * rows) % 1 - 0.5)) / rows, (0.5 - np.abs(along % 1 - 0.5)) * length)
+    shifted = (np.arange(side)[:, None] + (number * side).astype(int)) % side
+    field = np.take_along_axis(grain(rng, side), shifted, 0)
     picture = ramp(field, wood_shades(rng)) * (1 + rng.uniform(0.1, 0.6) * (number - 0.5))[..., None]
     gap = 1 - step(edge - rng.uniform(0, 0.002), 0.004)
     return blend(picture, picture * rng.uniform(0.15, 0.8), gap * rng.uniform(0.4, 1))
 
 
-def marble(rng: np.random.Generator, side: int) -> Top:
+def marble(rng: Rng, side: int) -> Top:
     """Draw marble: thin veins where warped noise crosses zero, over clouds."""
     base, vein = stone(rng), stone(rng)
     picture = ramp(0.5 + 0.2 * noise(rng, side, rng.uniform(2, 6), 4, 0.6), [near(rng, base, 0.1), base])
@@ -80,44 +71,29 @@ def marble(rng: np.random.Generator, side: int) -> Top:
     return picture
 
 
-def granite(rng: np.random.Generator, side: int) -> Top:
+def granite(rng: Rng, side: int) -> Top:
     """Draw granite: grains of two to four minerals over a base."""
-    base = stone(rng)
-    minerals = [near(rng, base, rng.uniform(0.05, 0.4)) for _ in range(rng.integers(2, 5))]
-    picture = flat(side, base)
-    for mineral in minerals:
+    picture = base = stone(rng)
+    for mineral in [near(rng, base, rng.uniform(0.05, 0.4)) for _ in range(rng.integers(2, 5))]:
         speckles = noise(rng, side, rng.uniform(60, 240), 1) + 0.5 * noise(rng, side, rng.uniform(30, 120))
-        grains = step(speckles - rng.uniform(0.2, 1.8), 0.3)
-        picture = blend(picture, mineral, grains * rng.uniform(0.3, 1))
+        picture = blend(picture, mineral, step(speckles - rng.uniform(0.2, 1.8), 0.3) * rng.uniform(0.3, 1))
     return picture * (1 + rng.uniform(0, 0.15) * noise(rng, side, 3, 3))[..., None]
 
 
-def ironed_folds(rng: np.random.Generator, picture: Top) -> Top:
-    """Return a cloth with the creases of having been folded, lit from one side."""
-    x, y = grid(len(picture))
-    shade = np.ones(x.shape, np.float32)
-    for along in (x, y):
-        for place in ((np.arange(rng.integers(0, 4)) + rng.random()) / 3).tolist():
-            side_of_fold = (along - place) / rng.uniform(0.005, 0.03)
-            shade = shade + rng.uniform(-0.25, 0.25) * side_of_fold * np.exp(-(side_of_fold**2))
-    return picture * shade[..., None]
-
-
-def cathedral_grain(rng: np.random.Generator, side: int) -> Top:
+def cathedral_grain(rng: Rng, side: int) -> Top:
     """Draw a board cut through its rings: nested arches and knots."""
     x, y = grid(side)
     centre = rng.uniform(-0.3, 1.3, 2)
     depth = np.hypot((y - centre[1]) * rng.uniform(1.5, 4), (x - centre[0]) * rng.uniform(0.2, 0.8))
     for knot in rng.uniform(0, 1, (rng.integers(0, 5), 2)):
-        near_knot = np.exp(-(((x - knot[0]) / 0.08) ** 2 + ((y - knot[1]) / 0.04) ** 2))
-        depth = depth + rng.uniform(0.1, 0.4) * near_knot
-    depth = depth + 0.02 * noise(rng, side, 6, 3, stretch=5)
-    rings = (depth * rng.uniform(8, 40)) % 1
+        nearness = np.exp(-(((x - knot[0]) / 0.08) ** 2 + ((y - knot[1]) / 0.04) ** 2))
+        depth = depth + rng.uniform(0.1, 0.4) * nearness
+    rings = ((depth + 0.02 * noise(rng, side, 6, 3, stretch=5)) * rng.uniform(8, 40)) % 1
     field = np.clip(rings ** rng.uniform(0.7, 3) + 0.15 * (grain(rng, side) - 0.5), 0, 1)
     return ramp(field, wood_shades(rng)[::-1])
 
 
-def bamboo(rng: np.random.Generator, side: int) -> Top:
+def bamboo(rng: Rng, side: int) -> Top:
     """Draw narrow strips of bamboo with their nodes."""
     x, y = grid(side)
     strips = rng.uniform(25, 60)
@@ -130,26 +106,24 @@ def bamboo(rng: np.random.Generator, side: int) -> Top:
     return picture * (1 - 0.3 * np.exp(-((node / 0.012) ** 2)) - 0.2 * seam)[..., None]
 
 
-def herringbone(rng: np.random.Generator, side: int) -> Top:
+def herringbone(rng: Rng, side: int) -> Top:
     """Draw a herringbone parquet."""
-    x, y = grid(side)
-    n, ratio = rng.uniform(12, 40), int(rng.integers(3, 6))
-    column, row = np.floor(x * n).astype(int), np.floor(y * n).astype(int)
+    (x, y), ratio = grid(side, rng.uniform(12, 40)), int(rng.integers(3, 6))
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     phase = (column - row) % (2 * ratio)
     lies = phase < ratio
     start = np.where(lies, column - phase, row - (2 * ratio - 1 - phase))
     number = rng.random(8192).astype(np.float32)[(start * 131 + np.where(lies, row, column) * 71 + lies * 17) % 8192]
-    across = np.where(lies, (y * n) % 1, (x * n) % 1)
-    along = np.where(lies, phase + (x * n) % 1, (2 * ratio - 1 - phase) + (y * n) % 1)
+    across = np.where(lies, y % 1, x % 1)
+    along = np.where(lies, phase + x % 1, (2 * ratio - 1 - phase) + y % 1)
     edge = np.minimum(np.minimum(across, 1 - across), np.minimum(along, ratio - along))
     field = grain(rng, side)
     streaks = np.where(lies, field, field.T)
     picture = ramp(np.clip(0.6 * streaks + 0.4 * number, 0, 1), wood_shades(rng))
-    seam = (1 - step(edge, 0.15)).astype(np.float32)
-    return blend(picture, picture * 0.4, seam * rng.uniform(0.2, 0.9))
+    return blend(picture, picture * 0.4, (1 - step(edge, 0.15)).astype(np.float32) * rng.uniform(0.2, 0.9))
 
 
-def slate(rng: np.random.Generator, side: int) -> Top:
+def slate(rng: Rng, side: int) -> Top:
     """Draw slate: a split surface with steps that catch the light."""
     height = noise(rng, side, rng.uniform(2, 6), 5, 0.55, rng.uniform(1, 4))
     layers = np.floor(height * rng.uniform(1, 4)) + 0.3 * height
@@ -158,15 +132,15 @@ def slate(rng: np.random.Generator, side: int) -> Top:
     return base * np.clip(1 + rng.uniform(0.05, 0.2) * light + 0.05 * height, 0.3, 2)[..., None]
 
 
-def agate(rng: np.random.Generator, side: int) -> Top:
+def agate(rng: Rng, side: int) -> Top:
     """Draw agate or onyx: many bands that follow one another."""
     height = noise(rng, side, rng.uniform(1.5, 4), 3, 0.4)
     bands = 0.5 + 0.5 * np.sin(height * rng.uniform(6, 30) + 2 * np.sin(height * rng.uniform(2, 9)))
-    shades = [colour(rng, saturation=(0, 0.7)) for _ in range(rng.integers(2, 5))]
-    return ramp(bands, shades) * (1 + 0.05 * noise(rng, side, 20, 3))[..., None]
+    colours = [colour(rng, saturation=(0, 0.7)) for _ in range(rng.integers(2, 5))]
+    return ramp(bands, colours) * (1 + 0.05 * noise(rng, side, 20, 3))[..., None]
 
 
-def cells(rng: np.random.Generator, side: int, count: int) -> tuple[Field, Field, Field]:
+def cells(rng: Rng, side: int, count: int) -> tuple[Field, Field, Field]:
     """Return Voronoi cells: a random number for each cell, the distance to its point and the distance from its edge.
 
     Distances are shares of the side. The points lie on a grid, shifted by up to half its step.
@@ -185,7 +159,7 @@ def cells(rng: np.random.Generator, side: int, count: int) -> tuple[Field, Field
     return number, to_point / side, cv2.distanceTransform(inside, cv2.DIST_L2, 3) / side
 
 
-def terrazzo(rng: np.random.Generator, side: int) -> Top:
+def terrazzo(rng: Rng, side: int) -> Top:
     """Draw terrazzo: chips of several stones in a cement."""
     base = stone(rng)
     picture = wet(base * (1 + 0.03 * noise(rng, side, 80, 2))[..., None])
@@ -199,7 +173,7 @@ def terrazzo(rng: np.random.Generator, side: int) -> Top:
     return dried(picture)
 
 
-def cracked(rng: np.random.Generator, side: int) -> Top:
+def cracked(rng: Rng, side: int) -> Top:
     """Draw a cracked glaze, mud or leather: cells with dark or light seams."""
     number, _, edge = cells(rng, side, int(np.exp(rng.uniform(3.5, 7))))
     base = colour(rng)
@@ -209,78 +183,75 @@ def cracked(rng: np.random.Generator, side: int) -> Top:
     return blend(picture, shade, seam * rng.uniform(0.3, 1))
 
 
-def pebbles(rng: np.random.Generator, side: int) -> Top:
+def pebbles(rng: Rng, side: int) -> Top:
     """Draw rounded pebbles in a mortar."""
     number, middle, edge = cells(rng, side, int(np.exp(rng.uniform(4.5, 7))))
-    shades: list[Colour] = [stone(rng) for _ in range(4)]
-    picture = ramp(number, shades) * (1.1 - middle / max(float(middle.max()), 1e-3) * 0.5)[..., None]
-    return blend(stone(rng) * np.ones((side, side, 1), np.float32), picture, step(edge - 0.004, 0.006))
+    light = 1.1 - middle / max(float(middle.max()), 1e-3) * 0.5
+    picture = ramp(number, [stone(rng) for _ in range(4)]) * light[..., None]
+    return blend(stone(rng), picture, step(edge - 0.004, 0.006))
 
 
-def draped(rng: np.random.Generator, picture: Top) -> Top:
-    """Return a cloth that lies unevenly: its pattern is bent and its folds are shaded."""
-    side = len(picture)
-    height = noise(rng, side, rng.uniform(1.2, 4), 2, 0.4, rng.uniform(1, 3))
-    slope_x, slope_y = cv2.Sobel(height, -1, 1, 0, scale=side / 900), cv2.Sobel(height, -1, 0, 1, scale=side / 900)
-    strength = rng.uniform(0, 1) ** 2
-    bent = bend(picture, slope_x * np.float32(0.02 * strength), slope_y * np.float32(0.02 * strength))
-    shade = 1 + np.float32(0.12 * strength) * (slope_x + rng.uniform(-1, 1) * slope_y)
-    return bent * np.clip(shade, 0.4, 1.5)[..., None]
-
-
-def finished(rng: np.random.Generator, picture: Top) -> Top:
+def finished(rng: Rng, picture: Top) -> Top:
     """Return a woven picture as a cloth on a table: threads, then folds or creases or both."""
     side, strength = len(picture), np.float32(rng.uniform(0, 0.06))
     warp, weft = noise(rng, side, 120, stretch=20), noise(rng, side, 120, stretch=20).T
     picture = picture * (1 + strength * (warp + weft))[..., None]
     chance = rng.random()
-    if chance < 0.55:
-        picture = draped(rng, picture)
-    return ironed_folds(rng, picture) if chance > 0.4 and chance < 0.75 else picture
+    if chance < 0.55:  # it lies unevenly: its pattern is bent and its folds are shaded
+        height = noise(rng, side, rng.uniform(1.2, 4), 2, 0.4, rng.uniform(1, 3))
+        slope_x, slope_y = (cv2.Sobel(height, -1, *along, scale=side / 900) for along in ((1, 0), (0, 1)))
+        strength = rng.uniform(0, 1) ** 2
+        bent = bend(picture, slope_x * np.float32(0.02 * strength), slope_y * np.float32(0.02 * strength))
+        shade = 1 + np.float32(0.12 * strength) * (slope_x + rng.uniform(-1, 1) * slope_y)
+        picture = bent * np.clip(shade, 0.4, 1.5)[..., None]
+    if 0.4 < chance < 0.75:  # creases of having been folded, lit from one side
+        shade = np.ones((side, side), np.float32)
+        for along in grid(side):
+            for place in ((np.arange(rng.integers(0, 4)) + rng.random()) / 3).tolist():
+                away = (along - place) / rng.uniform(0.005, 0.03)
+                shade = shade + rng.uniform(-0.25, 0.25) * away * np.exp(-(away**2))
+        picture = picture * shade[..., None]
+    return picture
 
 
-def plain_cloth(rng: np.random.Generator, side: int) -> Top:
+def plain_cloth(rng: Rng, side: int) -> Top:
     """Draw a cloth of one colour."""
-    return finished(rng, flat(side, cloth(rng)))
+    return finished(rng, np.full((side, side, 3), cloth(rng), np.float32))
 
 
-def crumpled(rng: np.random.Generator, side: int) -> Top:
+def crumpled(rng: Rng, side: int) -> Top:
     """Draw a crumpled cloth or paper: facets with sharp creases."""
-    height = np.zeros((side, side), np.float32)
-    for _ in range(rng.integers(3, 7)):
-        height += np.abs(noise(rng, side, rng.uniform(2, 8), 2, 0.4))
+    height = np.sum([np.abs(noise(rng, side, rng.uniform(2, 8), 2, 0.4)) for _ in range(rng.integers(3, 7))], 0)
     right, down = (cv2.Sobel(height, -1, *along, scale=side / 900) for along in ((1, 0), (0, 1)))
     light = right + rng.uniform(-1, 1) * down
     return cloth(rng) * np.clip(1 + rng.uniform(0.02, 0.12) * light, 0.3, 1.6)[..., None]
 
 
-def band_shares(rng: np.random.Generator, side: int) -> tuple[Field, Field]:
+def band_shares(rng: Rng, side: int) -> tuple[Field, Field]:
     """Return one sequence of stripes along x and along y, as each stripe's random number from 0 to 1."""
     widths = rng.uniform(0.1, 1, rng.integers(2, 9)) ** 2 + 0.02
     ends = np.cumsum(widths) / widths.sum()
     numbers = rng.random(len(ends)).astype(np.float32)
-    repeats = rng.uniform(2, 14)
-    x, y = grid(side)
-    stripe = [numbers[np.minimum(np.searchsorted(ends, (along * repeats) % 1), len(ends) - 1)] for along in (y, x)]
-    return stripe[0], stripe[1]
+    x, y = grid(side, rng.uniform(2, 14))
+    rows, columns = (numbers[np.minimum(np.searchsorted(ends, along % 1), len(ends) - 1)] for along in (y, x))
+    return rows, columns
 
 
-def striped_cloth(rng: np.random.Generator, side: int) -> Top:
+def striped_cloth(rng: Rng, side: int) -> Top:
     """Draw a striped cloth."""
     stripes, _ = band_shares(rng, side)
     return finished(rng, ramp(stripes, [cloth(rng) for _ in range(rng.integers(2, 4))]))
 
 
-def gingham(rng: np.random.Generator, side: int) -> Top:
+def gingham(rng: Rng, side: int) -> Top:
     """Draw a checked cloth: two colours and their mixture where the bands cross."""
-    x, y = grid(side)
-    n = rng.uniform(5, 45)
-    share = ((x * n % 1 < 0.5).astype(np.float32) + (y * n % 1 < 0.5)) / 2
+    x, y = grid(side, rng.uniform(5, 45))
+    share = ((x % 1 < 0.5).astype(np.float32) + (y % 1 < 0.5)) / 2
     base = cloth(rng)
     return finished(rng, ramp(share, [base, near(rng, base, 0.25) if rng.random() < 0.3 else cloth(rng)]))
 
 
-def tartan(rng: np.random.Generator, side: int) -> Top:
+def tartan(rng: Rng, side: int) -> Top:
     """Draw a tartan: one sequence of stripes, woven both ways with a twill."""
     rows, columns = band_shares(rng, side)
     shades = [cloth(rng) for _ in range(rng.integers(3, 6))]
@@ -289,34 +260,31 @@ def tartan(rng: np.random.Generator, side: int) -> Top:
     return finished(rng, blend(ramp(rows, shades), ramp(columns, shades), twill.astype(np.float32)))
 
 
-def damask(rng: np.random.Generator, side: int) -> Top:
+def damask(rng: Rng, side: int) -> Top:
     """Draw damask: mirrored ornaments, told from their ground by the gloss of the threads alone."""
     n = int(rng.integers(2, 9))
     tile = max(side // n, 16)
     quarter = noise(rng, max(tile // 2, 8), rng.uniform(2, 5), 2, 0.5)
     half = np.hstack([quarter, quarter[:, ::-1]])
     motif = np.vstack([half, half[::-1]]) if rng.random() < 0.5 else np.vstack([half, np.roll(half, len(quarter), 1)])
-    field = np.tile(motif, (n + 2, n + 2))[:side, :side]
-    field = cv2.resize(field, (side, side))
+    field = cv2.resize(np.tile(motif, (n + 2, n + 2))[:side, :side], (side, side))
     base = cloth(rng)
     share = step(field - rng.uniform(-0.3, 0.5), 0.15)
     return finished(rng, ramp(share, [base, near(rng, base, rng.uniform(0.03, 0.2))]))
 
 
-def knit(rng: np.random.Generator, side: int) -> Top:
+def knit(rng: Rng, side: int) -> Top:
     """Draw knitting: columns of V-shaped stitches."""
-    x, y = grid(side)
-    n = rng.uniform(15, 60)
-    u = np.abs(x * n % 1 - 0.5)
-    v = (y * n * rng.uniform(0.8, 1.3) + u * rng.uniform(0.8, 2)) % 1
+    x, y = grid(side, rng.uniform(15, 60))
+    u = np.abs(x % 1 - 0.5)
+    v = (y * rng.uniform(0.8, 1.3) + u * rng.uniform(0.8, 2)) % 1
     stitch = np.sin(np.pi * v) * (1 - (2 * u - 0.5) ** 2)
-    shades: list[Colour] = [cloth(rng)]
-    rows = np.floor(y * n) % rng.integers(4, 20) < rng.integers(0, 6)
-    picture = np.where(rows[..., None], cloth(rng), shades[0])
+    base, rows = cloth(rng), np.floor(y) % rng.integers(4, 20) < rng.integers(0, 6)
+    picture = np.where(rows[..., None], cloth(rng), base)
     return finished(rng, (picture * (0.45 + 0.55 * stitch)[..., None]).astype(np.float32))
 
 
-def lace(rng: np.random.Generator, side: int) -> Top:
+def lace(rng: Rng, side: int) -> Top:
     """Draw lace over a table: threads around holes, in rosettes."""
     x, y = grid(side)
     n = rng.uniform(4, 14)
@@ -326,18 +294,16 @@ def lace(rng: np.random.Generator, side: int) -> Top:
     rosette = np.sin(radius * 2 * np.pi * rng.uniform(3, 6) + petals * 2)
     net = np.maximum(np.sin(x * 2 * np.pi * n * 5), np.sin(y * 2 * np.pi * n * 5))
     thread = np.where(radius < 0.42, rosette, net)
-    under = flat(side, colour(rng)) * (1 + 0.05 * noise(rng, side, 20, 3, stretch=8))[..., None]
+    under = colour(rng) * (1 + 0.05 * noise(rng, side, 20, 3, stretch=8))[..., None]
     over = colour(rng, saturation=(0, 0.2), value=(0.7, 1))
     return blend(under, over, step(thread + rng.uniform(-0.2, 0.4), 0.4) * 0.9)
 
 
-def basket(rng: np.random.Generator, side: int) -> Top:
+def basket(rng: Rng, side: int) -> Top:
     """Draw a basket weave: pairs or triples of canes, over and under."""
-    x, y = grid(side)
-    n, canes = rng.uniform(8, 30), int(rng.integers(2, 5))
-    lies = (np.floor(x * n) + np.floor(y * n)) % 2 > 0
-    u, v = x * n % 1, y * n % 1
-    across, along = np.where(lies, v, u), np.where(lies, u, v)
+    (x, y), canes = grid(side, rng.uniform(8, 30)), int(rng.integers(2, 5))
+    lies = (np.floor(x) + np.floor(y)) % 2 > 0
+    across, along = np.where(lies, y % 1, x % 1), np.where(lies, x % 1, y % 1)
     round_cane = np.abs(np.sin(np.pi * across * canes)) ** rng.uniform(0.3, 1)
     light = (0.4 + 0.6 * round_cane) * (0.6 + 0.4 * np.sin(np.pi * along))
     base = wood(rng) if rng.random() < 0.7 else cloth(rng)
@@ -345,21 +311,20 @@ def basket(rng: np.random.Generator, side: int) -> Top:
     return picture * light[..., None]
 
 
-def bricks(rng: np.random.Generator, side: int) -> Top:
+def bricks(rng: Rng, side: int) -> Top:
     """Draw bricks or pavers, each weathered on its own."""
-    x, y = grid(side)
-    n = rng.uniform(6, 20)
-    row = np.floor(y * n)
-    across = x * n / rng.uniform(1.5, 3) + 0.5 * (row % 2)
+    x, y = grid(side, rng.uniform(6, 20))
+    row = np.floor(y)
+    across = x / rng.uniform(1.5, 3) + 0.5 * (row % 2)
     number = rng.random((64, 64)).astype(np.float32)[row.astype(int) % 64, np.floor(across).astype(int) % 64]
     base = colour(rng, (0, 0.12), (0.1, 0.6), (0.25, 0.85))
     rough = 1 + rng.uniform(0.03, 0.15) * noise(rng, side, 25, 4, 0.7)
     picture = ramp(number, [near(rng, base, 0.2), base]) * rough[..., None]
-    edge = np.minimum(0.5 - np.abs(across % 1 - 0.5), 0.5 - np.abs(y * n % 1 - 0.5)) + 0.02 * noise(rng, side, 40)
+    edge = np.minimum(0.5 - np.abs(across % 1 - 0.5), 0.5 - np.abs(y % 1 - 0.5)) + 0.02 * noise(rng, side, 40)
     return blend(stone(rng) * rough[..., None], picture, step(edge - 0.05, 0.06))
 
 
-def sand(rng: np.random.Generator, side: int) -> Top:
+def sand(rng: Rng, side: int) -> Top:
     """Draw rippled sand, water or satin: bent parallel waves, lit from one side."""
     _, y = grid(side)
     phase = (y + rng.uniform(0.01, 0.08) * noise(rng, side, rng.uniform(1.5, 5), 2)) * rng.uniform(4, 30)
@@ -368,19 +333,18 @@ def sand(rng: np.random.Generator, side: int) -> Top:
     return base * np.clip(1 + rng.uniform(0.05, 0.3) * wave + 0.05 * noise(rng, side, 100), 0.1, 1.6)[..., None]
 
 
-def marbled_paper(rng: np.random.Generator, side: int) -> Top:
+def marbled_paper(rng: Rng, side: int) -> Top:
     """Draw marbled paper: stripes of ink, combed and stirred."""
-    x, y = grid(side)
-    u, v = x, y
+    u, v = grid(side)
     for _ in range(rng.integers(1, 4)):
         u = u + rng.uniform(0.02, 0.15) * noise(rng, side, rng.uniform(1.5, 6), 2)
         v = v + rng.uniform(0.01, 0.05) * np.sin(2 * np.pi * u * rng.uniform(2, 12))
     field = (v * rng.uniform(3, 15)) % 1
-    shades = [colour(rng) for _ in range(rng.integers(3, 7))]
-    return np.asarray(shades)[np.minimum((field * len(shades)).astype(int), len(shades) - 1)]
+    colours = [colour(rng) for _ in range(rng.integers(3, 7))]
+    return np.asarray(colours)[np.minimum((field * len(colours)).astype(int), len(colours) - 1)]
 
 
-def fur(rng: np.random.Generator, side: int) -> Top:
+def fur(rng: Rng, side: int) -> Top:
     """Draw a carpet, fur or grass: thousands of short hairs, combed in patches."""
     base = colour(rng, value=(0.15, 0.9))
     picture = sheet(base * np.float32(0.6), side)
@@ -395,18 +359,16 @@ def fur(rng: np.random.Generator, side: int) -> Top:
     return dried(picture)
 
 
-def carbon_fibre(rng: np.random.Generator, side: int) -> Top:
+def carbon_fibre(rng: Rng, side: int) -> Top:
     """Draw a satin twill of glossy ribbons: each crossing shines by its direction."""
-    x, y = grid(side)
-    n = rng.uniform(20, 70)
-    i, j = np.floor(x * n), np.floor(y * n)
-    over = (i + j) % 4 < 2
-    gloss = np.where(over, np.sin(np.pi * (x * n % 1)), np.sin(np.pi * (y * n % 1)))
+    x, y = grid(side, rng.uniform(20, 70))
+    over = (np.floor(x) + np.floor(y)) % 4 < 2
+    gloss = np.sin(np.pi * np.where(over, x % 1, y % 1))
     base = colour(rng, saturation=(0, 0.6), value=(0.15, 0.7))
     return base * (np.where(over, 0.6, 1.0) * (0.6 + 0.4 * gloss))[..., None].astype(np.float32)
 
 
-def quilt(rng: np.random.Generator, side: int) -> Top:
+def quilt(rng: Rng, side: int) -> Top:
     """Draw padding stitched in diamonds or squares."""
     x, y = grid(side)
     n = rng.uniform(4, 18)
@@ -417,35 +379,35 @@ def quilt(rng: np.random.Generator, side: int) -> Top:
     return cloth(rng) * np.clip(0.8 + 0.2 * height + light, 0.2, 1.6)[..., None]
 
 
-def plain(rng: np.random.Generator, side: int) -> Top:
+def plain(rng: Rng, side: int) -> Top:
     """Draw a painted or laminated top of one colour."""
-    return flat(side, colour(rng, saturation=(0, 0.7))) * (1 + 0.02 * rng.random() * noise(rng, side, 60, 2))[..., None]
+    return colour(rng, saturation=(0, 0.7)) * (1 + 0.02 * rng.random() * noise(rng, side, 60, 2))[..., None]
 
 
-def gradient(rng: np.random.Generator, side: int) -> Top:
+def gradient(rng: Rng, side: int) -> Top:
     """Draw colours that run into one another."""
     x, y = grid(side)
     field = x + 0.3 * rng.normal() * y + 0.15 * rng.random() * noise(rng, side, 2, 2)
     return ramp((field - field.min()) / np.ptp(field), shades(rng))
 
 
-def clouds(rng: np.random.Generator, side: int) -> Top:
+def clouds(rng: Rng, side: int) -> Top:
     """Draw noise of several octaves in a few colours."""
     cells, levels = np.exp(rng.uniform(0.5, 4)), int(rng.integers(1, 6))
     field = noise(rng, side, cells, levels, rng.uniform(0.4, 0.9), rng.uniform(0.5, 4))
     return ramp(0.5 + rng.uniform(0.1, 0.4) * field, shades(rng))
 
 
-def camouflage(rng: np.random.Generator, side: int) -> Top:
+def camouflage(rng: Rng, side: int) -> Top:
     """Draw blots with sharp edges, one over the other."""
-    picture = flat(side, colour(rng))
+    picture = colour(rng)
     for shade in shades(rng):
         field = noise(rng, side, np.exp(rng.uniform(1, 3.5)), int(rng.integers(1, 4)), 0.5, rng.uniform(0.5, 3))
         picture = blend(picture, shade, step(field - rng.uniform(0, 1.2), 0.1))
     return picture
 
 
-def zigzag(rng: np.random.Generator, side: int) -> Top:
+def zigzag(rng: Rng, side: int) -> Top:
     """Draw chevrons or waves."""
     x, y = grid(side)
     n = rng.uniform(3, 15)
@@ -455,33 +417,27 @@ def zigzag(rng: np.random.Generator, side: int) -> Top:
     return np.asarray(colours)[np.minimum((field * len(colours)).astype(int), len(colours) - 1)]
 
 
-def motif(rng: np.random.Generator, radius: Field, angle: Field) -> Field:
+def motif(rng: Rng, radius: Field, angle: Field) -> Field:
     """Return a random ornament within radius 1: a disc, ring, star, flower, cross or diamond, from 0 to 1."""
     kind, points = rng.integers(6), float(rng.integers(3, 9))
     size = rng.uniform(0.4, 0.95)
-    if kind == 0:
-        outline = radius
-    elif kind == 1:
-        outline = np.abs(radius - 0.7 * size) + 0.7 * size
-    elif kind == 2:
-        outline = radius * (1 + 0.6 * np.abs(np.sin(angle * points / 2)))
-    elif kind == 3:
-        outline = radius / (0.6 + 0.4 * np.cos(angle * points))
-    elif kind == 4:
-        outline = np.minimum(np.abs(np.cos(angle)), np.abs(np.sin(angle))) * radius * 3 + 0.2 * radius
-    else:
-        outline = radius * (np.abs(np.cos(angle)) + np.abs(np.sin(angle)))
+    outline = (
+        lambda: radius,
+        lambda: np.abs(radius - 0.7 * size) + 0.7 * size,
+        lambda: radius * (1 + 0.6 * np.abs(np.sin(angle * points / 2))),
+        lambda: radius / (0.6 + 0.4 * np.cos(angle * points)),
+        lambda: np.minimum(np.abs(np.cos(angle)), np.abs(np.sin(angle))) * radius * 3 + 0.2 * radius,
+        lambda: radius * (np.abs(np.cos(angle)) + np.abs(np.sin(angle))),
+    )[kind]()
     return step(size - outline, 0.1)
 
 
-def lattice(rng: np.random.Generator, side: int) -> Top:
+def lattice(rng: Rng, side: int) -> Top:
     """Draw ornaments on a lattice, as on printed cloth or oilcloth."""
-    x, y = grid(side)
-    n = float(np.exp(rng.uniform(1.4, 3.5)))
+    x, y = grid(side, float(np.exp(rng.uniform(1.4, 3.5))))
     stagger = 0.5 * float(rng.integers(2))
-    column = np.floor(x * n)
-    u, v = (x * n) % 1 - 0.5, (y * n + stagger * (column % 2)) % 1 - 0.5
-    picture = flat(side, cloth(rng))
+    u, v = x % 1 - 0.5, (y + stagger * (np.floor(x) % 2)) % 1 - 0.5
+    picture = cloth(rng)
     for _ in range(rng.integers(1, 4)):
         radius, angle = np.hypot(u, v) * 2 / rng.uniform(0.3, 1), np.arctan2(v, u) + rng.uniform(0, 6)
         picture = blend(picture, cloth(rng), motif(rng, radius, angle))
@@ -489,7 +445,7 @@ def lattice(rng: np.random.Generator, side: int) -> Top:
     return picture
 
 
-def crossing_lines(rng: np.random.Generator, side: int) -> Top:
+def crossing_lines(rng: Rng, side: int) -> Top:
     """Draw scratches or threads that cross at random."""
     picture = sheet(colour(rng), side) if rng.random() < 0.5 else wet(clouds(rng, side))
     colours = shades(rng, 1, 3)
@@ -501,7 +457,7 @@ def crossing_lines(rng: np.random.Generator, side: int) -> Top:
     return dried(picture)
 
 
-def square_tiles(rng: np.random.Generator, side: int) -> Top:
+def square_tiles(rng: Rng, side: int) -> Top:
     """Draw square tiles with grout, each with its own shade or ornament."""
     x, y = grid(side)
     n = rng.uniform(4, 25)
@@ -518,7 +474,7 @@ def square_tiles(rng: np.random.Generator, side: int) -> Top:
     return blend(picture, colour(rng, saturation=(0, 0.2)), 1 - step(edge - rng.uniform(0.0005, 0.003), 0.003))
 
 
-def hexagons(rng: np.random.Generator, side: int) -> Top:
+def hexagons(rng: Rng, side: int) -> Top:
     """Draw hexagonal tiles."""
     x, y = grid(side)
     n = rng.uniform(4, 22)
@@ -532,15 +488,14 @@ def hexagons(rng: np.random.Generator, side: int) -> Top:
     return blend(picture, colour(rng, saturation=(0, 0.3)), 1 - step(np.abs(d_first - d_second) / n - 0.002, 0.004))
 
 
-def scales(rng: np.random.Generator, side: int) -> Top:
+def scales(rng: Rng, side: int) -> Top:
     """Draw overlapping scales or fans."""
-    x, y = grid(side)
-    n = rng.uniform(4, 20)
+    x, y = grid(side, rng.uniform(4, 20))
     picture, covered = np.zeros((side, side), np.float32), np.zeros((side, side), bool)
     for layer in range(3):
-        row = np.floor(y * n * 2) + layer
-        u = (x * n + 0.5 * (row % 2)) % 1 - 0.5
-        distance = np.hypot(u, (y * n * 2 - row - 0.0) / 2)
+        row = np.floor(y * 2) + layer
+        u = (x + 0.5 * (row % 2)) % 1 - 0.5
+        distance = np.hypot(u, (y * 2 - row) / 2)
         inside = (distance < 0.5) & ~covered
         picture = np.where(inside, distance * 2, picture)
         covered |= inside
@@ -548,33 +503,30 @@ def scales(rng: np.random.Generator, side: int) -> Top:
     return ramp(rings if rng.random() < 0.6 else picture, shades(rng, 2, 4))
 
 
-def truchet(rng: np.random.Generator, side: int) -> Top:
+def truchet(rng: Rng, side: int) -> Top:
     """Draw a maze of arcs: square tiles with two quarter circles each, turned at random."""
-    x, y = grid(side)
-    n = rng.uniform(4, 20)
-    flip = rng.random((64, 64))[np.floor(y * n).astype(int), np.floor(x * n).astype(int)] < 0.5
-    u, v = (x * n) % 1, (y * n) % 1
-    u = np.where(flip, 1 - u, u)
+    x, y = grid(side, rng.uniform(4, 20))
+    flip = rng.random((64, 64))[np.floor(y).astype(int), np.floor(x).astype(int)] < 0.5
+    u, v = np.where(flip, 1 - x % 1, x % 1), y % 1
     radius = np.minimum(np.hypot(u, v), np.hypot(1 - u, 1 - v))
-    arc = 1 - step(np.abs(radius - 0.5) - rng.uniform(0.05, 0.25), 0.05)
-    return ramp(arc, shades(rng, 2, 2))
+    return ramp(1 - step(np.abs(radius - 0.5) - rng.uniform(0.05, 0.25), 0.05), shades(rng, 2, 2))
 
 
-def rays(rng: np.random.Generator, side: int) -> Top:
+def rays(rng: Rng, side: int) -> Top:
     """Draw rings or rays about a point, as of turned wood, a sunburst or a woven mat."""
     x, y = grid(side)
     centre = rng.uniform(-0.2, 1.2, 2)
     radius, angle = np.hypot(x - centre[0], y - centre[1]), np.arctan2(y - centre[1], x - centre[0])
-    kind = rng.integers(3)
-    field = [radius * rng.uniform(4, 30), angle / 2 / np.pi * rng.integers(6, 40), None][kind] if kind < 2 else None
-    if field is None:
+    if (kind := rng.integers(3)) < 2:
+        field = (radius * rng.uniform(4, 30), angle / 2 / np.pi * rng.integers(6, 40))[kind]
+    else:
         field = radius * rng.uniform(3, 15) + angle / 2 / np.pi * rng.integers(1, 6)
     wave = 0.5 + 0.5 * np.sin(2 * np.pi * field)
     wave = wave if rng.random() < 0.5 else step(wave - 0.45, 0.1)
     return ramp(wave.astype(np.float32), shades(rng, 2, 4)) * (1 + 0.04 * noise(rng, side, 30, 3))[..., None]
 
 
-def waves(rng: np.random.Generator, side: int) -> Top:
+def waves(rng: Rng, side: int) -> Top:
     """Draw plane waves that cross, as in quasi-crystals and guilloche."""
     x, y = grid(side)
     field = np.zeros((side, side), np.float32)
@@ -584,7 +536,7 @@ def waves(rng: np.random.Generator, side: int) -> Top:
     return ramp(step(field, 0.2) if rng.random() < 0.4 else 0.5 + 0.3 * field, shades(rng, 2, 4))
 
 
-def labyrinth(rng: np.random.Generator, side: int) -> Top:
+def labyrinth(rng: Rng, side: int) -> Top:
     """Draw the spots and worms of noise of one wavelength, as on shells and leather."""
     wave = np.exp(rng.uniform(0.7, 2.2))
     field = rng.standard_normal((side, side), np.float32)
@@ -593,7 +545,7 @@ def labyrinth(rng: np.random.Generator, side: int) -> Top:
     return ramp(step(field / field.std() - rng.uniform(-0.8, 0.8), rng.uniform(0.1, 1)), shades(rng, 2, 3))
 
 
-def leather(rng: np.random.Generator, side: int) -> Top:
+def leather(rng: Rng, side: int) -> Top:
     """Draw leather or felt: a fine relief, lit from one side."""
     height = noise(rng, side, rng.uniform(20, 90), 3, 0.7)
     light = cv2.Sobel(height, -1, 1, 0) * rng.uniform(0.01, 0.06)
@@ -601,7 +553,7 @@ def leather(rng: np.random.Generator, side: int) -> Top:
     return base * np.clip(1 + light + 0.08 * noise(rng, side, 3, 3), 0.3, 1.8)[..., None]
 
 
-def brushed_metal(rng: np.random.Generator, side: int) -> Top:
+def brushed_metal(rng: Rng, side: int) -> Top:
     """Draw brushed steel or brass: fine streaks and broad reflections across them."""
     base = colour(rng, (0.05, 0.65), (0, 0.3), (0.4, 0.9))
     _, y = grid(side)
@@ -610,7 +562,7 @@ def brushed_metal(rng: np.random.Generator, side: int) -> Top:
     return base * (1 + streaks + glow)[..., None]
 
 
-def cork(rng: np.random.Generator, side: int) -> Top:
+def cork(rng: Rng, side: int) -> Top:
     """Draw cork: crumbs of one brown with dark flecks."""
     number, _, _ = cells(rng, side, int(rng.uniform(900, 3000)))
     base = colour(rng, (0.05, 0.11), (0.3, 0.65), (0.45, 0.85))
@@ -618,7 +570,7 @@ def cork(rng: np.random.Generator, side: int) -> Top:
     return blend(picture, base * 0.35, step(noise(rng, side, 70) - 1.6, 0.3) * 0.9)
 
 
-def flowers(rng: np.random.Generator, side: int) -> Top:
+def flowers(rng: Rng, side: int) -> Top:
     """Draw sprigs: blossoms of petals about a heart, with stalks and leaves."""
     picture = sheet(cloth(rng), side)
     petals, hearts, leaves = shades(rng, 1, 3), colour(rng), colour(rng, (0.2, 0.5), (0.1, 0.7), (0.15, 0.8))
@@ -640,7 +592,7 @@ def flowers(rng: np.random.Generator, side: int) -> Top:
     return dried(picture)
 
 
-def writing(rng: np.random.Generator, side: int) -> Top:
+def writing(rng: Rng, side: int) -> Top:
     """Draw lines of letters in one or two sizes."""
     picture = sheet(cloth(rng), side)
     letters = np.array(list("abcdefghiklmnoprstuvwxyzABCDEMRST   "))
@@ -653,7 +605,7 @@ def writing(rng: np.random.Generator, side: int) -> Top:
     return dried(picture)
 
 
-def contours(rng: np.random.Generator, side: int) -> Top:
+def contours(rng: Rng, side: int) -> Top:
     """Draw a map: coloured heights with contour lines and roads."""
     height = noise(rng, side, rng.uniform(1.5, 5), 4, 0.45)
     picture = ramp(0.5 + 0.25 * height, shades(rng, 2, 5))
@@ -663,7 +615,7 @@ def contours(rng: np.random.Generator, side: int) -> Top:
     return blend(picture, colour(rng), roads * float(rng.integers(0, 2)))
 
 
-def halftone(rng: np.random.Generator, side: int) -> Top:
+def halftone(rng: Rng, side: int) -> Top:
     """Draw a picture printed in dots whose size follows its darkness."""
     x, y = grid(side)
     n, turn = rng.uniform(25, 80), rng.uniform(0, np.pi)
@@ -673,58 +625,50 @@ def halftone(rng: np.random.Generator, side: int) -> Top:
     return ramp(step(screen + tone, 0.4), shades(rng, 2, 2))
 
 
-def patchwork(rng: np.random.Generator, side: int) -> Top:
+def patchwork(rng: Rng, side: int) -> Top:
     """Draw patches of printed cloth sewn together, each with its own print."""
     n = int(rng.integers(4, 11))
     x, y = grid(side)
-    column, row = np.floor(x * n).astype(int), np.floor(y * n).astype(int)
-    kinds = rng.integers(0, 4, (n, n))[row, column]
-    ground, print_ = rng.random((n, n, 3)).astype(np.float32)[row, column], rng.random((n, n, 3)).astype(np.float32)
+    place = np.floor(y * n).astype(int), np.floor(x * n).astype(int)
+    kinds = rng.integers(0, 4, (n, n))[place]
+    ground, print_ = (rng.random((n, n, 3)).astype(np.float32)[place] for _ in range(2))
     k = rng.uniform(3, 9) * n
     u, v = x * k % 1 - 0.5, y * k % 1 - 0.5
     share = np.select([kinds == 1, kinds == 2, kinds == 3], [np.hypot(u, v) < 0.3, u > 0, (u > 0) ^ (v > 0)], False)
     if rng.random() < 0.4:
         share &= (x * n % 1) > (y * n % 1)
-    picture = blend(ground, print_[row, column], share.astype(np.float32))
-    tone = cloth(rng)
-    return (picture + (tone - picture) * np.float32(rng.uniform(0, 0.6))).astype(np.float32)
+    picture = blend(ground, print_, share.astype(np.float32))
+    return (picture + (cloth(rng) - picture) * np.float32(rng.uniform(0, 0.6))).astype(np.float32)
 
 
-def houndstooth(rng: np.random.Generator, side: int) -> Top:
+def houndstooth(rng: Rng, side: int) -> Top:
     """Draw houndstooth: broken checks of two colours."""
-    x, y = grid(side)
-    n = rng.uniform(6, 30)
-    u, v = x * n % 1, y * n % 1
-    stripe = ((u + v) * 2) % 1 < 0.5
-    dark = np.where((u < 0.5) & (v < 0.5), True, np.where((u >= 0.5) & (v >= 0.5), False, stripe))
+    u, v = (along % 1 for along in grid(side, rng.uniform(6, 30)))
+    dark = np.where((u < 0.5) == (v < 0.5), u < 0.5, ((u + v) * 2) % 1 < 0.5)
     return ramp(dark.astype(np.float32), [cloth(rng), cloth(rng)])
 
 
-def argyle(rng: np.random.Generator, side: int) -> Top:
+def argyle(rng: Rng, side: int) -> Top:
     """Draw diamonds with thin lines that cross them."""
-    x, y = grid(side)
-    n, slim = rng.uniform(3, 12), rng.uniform(0.5, 0.9)
-    u, v = x * n + y * n * slim, x * n - y * n * slim
-    colours = shades(rng, 3, 4)
-    number = ((np.floor(u) + np.floor(v)) % 2 + (np.floor(u) % 2) * 0.5) / 1.5
-    picture = ramp(number, colours)
+    (x, y), slim = grid(side, rng.uniform(3, 12)), rng.uniform(0.5, 0.9)
+    u, v = x + y * slim, x - y * slim
+    picture = ramp(((np.floor(u) + np.floor(v)) % 2 + (np.floor(u) % 2) * 0.5) / 1.5, shades(rng, 3, 4))
     line = np.minimum(np.abs(u % 1 - 0.5), np.abs(v % 1 - 0.5))
     return blend(picture, colour(rng), 1 - step(line - 0.015, 0.03))
 
 
-def ruled(rng: np.random.Generator, side: int) -> Top:
+def ruled(rng: Rng, side: int) -> Top:
     """Draw a cutting mat or squared paper: fine lines and bold ones."""
     x, y = grid(side)
-    n = rng.uniform(8, 50)
-    every = int(rng.integers(2, 11))
+    n, every = rng.uniform(8, 50), int(rng.integers(2, 11))
     fine = np.minimum(np.abs(x * n % 1 - 0.5), np.abs(y * n % 1 - 0.5)) / n
     bold = np.minimum(np.abs(x * n / every % 1 - 0.5), np.abs(y * n / every % 1 - 0.5)) * every / n
     base, line = colour(rng), colour(rng)
-    picture = blend(flat(side, base), line, (1 - step(fine, 0.003)) * rng.uniform(0.1, 0.6))
+    picture = blend(base, line, (1 - step(fine, 0.003)) * rng.uniform(0.1, 0.6))
     return blend(picture, line, 1 - step(bold - 0.001, 0.004))
 
 
-def brush(rng: np.random.Generator, side: int) -> Top:
+def brush(rng: Rng, side: int) -> Top:
     """Draw broad strokes of a brush, each with streaks of its own."""
     picture = sheet(colour(rng), side)
     for _ in range(rng.integers(15, 70)):
@@ -739,7 +683,7 @@ def brush(rng: np.random.Generator, side: int) -> Top:
     return dried(picture)
 
 
-def spirals(rng: np.random.Generator, side: int) -> Top:
+def spirals(rng: Rng, side: int) -> Top:
     """Draw seeds in the spirals of a sunflower, growing outwards."""
     picture = sheet(colour(rng), side)
     colours = shades(rng, 1, 3)
@@ -752,7 +696,7 @@ def spirals(rng: np.random.Generator, side: int) -> Top:
     return dried(picture)
 
 
-def newspaper(rng: np.random.Generator, side: int) -> Top:
+def newspaper(rng: Rng, side: int) -> Top:
     """Draw printed pages: columns of words, headlines and grey pictures."""
     paper, black = colour(rng, (0.08, 0.16), (0, 0.2), (0.7, 0.97)), colour(rng, saturation=(0, 0.3), value=(0.02, 0.3))
     share = np.zeros((side, side), np.float32)
@@ -770,10 +714,10 @@ def newspaper(rng: np.random.Generator, side: int) -> Top:
                 words = cv2.resize((rng.random((1, width // 3)) < 0.75).astype(np.float32), (width - gutter, 1))
                 share[rows, columns] = words[:, : share[rows, columns].shape[1]] * rng.uniform(0.5, 0.9)
             top += tall
-    return blend(flat(side, paper), black, share)
+    return blend(paper, black, share)
 
 
-def dead_leaves(rng: np.random.Generator, side: int) -> Top:
+def dead_leaves(rng: Rng, side: int) -> Top:
     """Draw shapes that hide one another, with sizes by a power law (the dead leaves model of natural images)."""
     picture = sheet(colour(rng), side)
     colours, small = shades(rng, 3, 5), side * rng.uniform(0.008, 0.03)
@@ -792,14 +736,10 @@ def dead_leaves(rng: np.random.Generator, side: int) -> Top:
     return dried(picture)
 
 
-COARSE = 2  # random networks are computed on a grid coarser by this factor
-
-
-def random_network(rng: np.random.Generator, side: int) -> Top:
+def random_network(rng: Rng, side: int) -> Top:
     """Draw the output of a small random network whose inputs are a pixel's place and some noise."""
-    fine = side // COARSE
-    x, y = grid(fine)
-    inputs = [x - 0.5, y - 0.5, np.hypot(x - rng.random(), y - rng.random()), 0.1 * noise(rng, fine, 6, 2)]
+    x, y = grid(side // 2)  # coarser, to save time
+    inputs = [x - 0.5, y - 0.5, np.hypot(x - rng.random(), y - rng.random()), 0.1 * noise(rng, side // 2, 6, 2)]
     layer = np.stack(inputs, -1) * np.float32(rng.uniform(4, 40))
     for width in (10, 10, 3):
         weights = rng.normal(0, 1.2 / np.sqrt(layer.shape[-1]), (layer.shape[-1], width)).astype(np.float32)
@@ -811,7 +751,7 @@ def random_network(rng: np.random.Generator, side: int) -> Top:
     return cv2.resize(picture, (side, side), interpolation=cv2.INTER_CUBIC)
 
 
-def wallpaper(rng: np.random.Generator, side: int) -> Top:
+def wallpaper(rng: Rng, side: int) -> Top:
     """Draw a random picture, repeated or mirrored as on wallpaper, oilcloth or carpets."""
     n = int(rng.integers(2, 10))
     source = dead_leaves if rng.random() < 0.5 else random_network
@@ -823,7 +763,7 @@ def wallpaper(rng: np.random.Generator, side: int) -> Top:
     return np.tile(tile, (n + 1, n + 1, 1))[:side, :side]
 
 
-def flow(rng: np.random.Generator, side: int) -> Top:
+def flow(rng: Rng, side: int) -> Top:
     """Draw noise smeared along a flow: burls, combed plaster, brushed paint."""
     angle = noise(rng, side, rng.uniform(1.5, 5), 2, 0.4) * rng.uniform(0.3, 1.5) + rng.uniform(0, 6)
     length = rng.uniform(0.002, 0.012)
@@ -835,9 +775,9 @@ def flow(rng: np.random.Generator, side: int) -> Top:
     return ramp(0.5 + rng.uniform(0.1, 0.35) * field, shades(rng, 2, 3))
 
 
-def dabs(rng: np.random.Generator, side: int) -> Top:
+def dabs(rng: Rng, side: int) -> Top:
     """Draw dabs of a sponge: one speckled print, stamped over and over."""
-    picture = flat(side, colour(rng))
+    picture = np.full((side, side, 3), colour(rng), np.float32)
     size = int(side * rng.uniform(0.08, 0.25))
     print_ = np.clip(noise(rng, size, rng.uniform(4, 12), 3, 0.7) - rng.uniform(0, 1), 0, 1)
     y, x = np.mgrid[:size, :size] / size - 0.5

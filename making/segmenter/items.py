@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 from numpy import ndarray as Array
 
-from making.segmenter.paint import colour, near, noise, ramp
+from making.segmenter.paint import Rng, blend, colour, near, noise, ramp
 
 EDGE_M = 0.004  # width over which an outline fades [m], less than a pixel of the camera
 Plane = Float32[Array, "row column"]
@@ -48,7 +48,7 @@ def to_segment(x: Plane, y: Plane, start: tuple[float, float], stop: tuple[float
     return np.hypot(x - start[0] - t * dx, y - start[1] - t * dy), t
 
 
-def decorated(rng: np.random.Generator, x: Plane, y: Plane, radius: float) -> Float32[Array, "row column 3"]:
+def decorated(rng: Rng, x: Plane, y: Plane, radius: float) -> Float32[Array, "row column 3"]:
     """Return the painted surface of a round item: rings, rays, dots, checks, stripes, petals, clouds or nothing."""
     base = colour(rng, saturation=(0, 0.2), value=(0.6, 1)) if rng.random() < 0.5 else colour(rng, value=(0.08, 1))
     picture = np.full((*x.shape, 3), base, np.float32)
@@ -71,26 +71,25 @@ def decorated(rng: np.random.Generator, x: Plane, y: Plane, radius: float) -> Fl
         elif kind == 5:
             where &= r < (0.5 + 0.35 * np.cos(angle * min(n, 12))) * rng.uniform(0.6, 1.2)
         elif kind == 6:
-            size = max(len(x), len(x[0]), 16)
-            where &= noise(rng, size, rng.uniform(4, 12), 3)[: x.shape[0], : x.shape[1]] > rng.uniform(-0.3, 1)
+            size, (rows, columns) = max(*x.shape, 16), x.shape
+            where &= noise(rng, size, rng.uniform(4, 12), 3)[:rows, :columns] > rng.uniform(-0.3, 1)
         picture[where] += (paint - picture[where]) * np.float32(rng.uniform(0.5, 1))
     return picture
 
 
-def lit(
-    slope_x: Plane, slope_y: Plane, lamp: Array, ambient: float, gloss: float, sharpness: float
-) -> tuple[Plane, Plane]:
-    """Return diffuse light and highlight on a surface with these slopes (height over distance)."""
-    length = np.sqrt(slope_x**2 + slope_y**2 + 1)
-    towards = (1.2 - slope_x * lamp[0] - slope_y * lamp[1]) / length / 1.56
-    halfway = np.clip((2.4 - slope_x * lamp[0] - slope_y * lamp[1]) / length / 2.6, 0, 1)
-    diffuse = ambient + (1 - ambient) * np.clip(towards, 0, 1) / 0.77
-    return diffuse.astype(np.float32), (gloss * halfway**sharpness).astype(np.float32)
+CROCKERY = {  # places from the centre to the rim with the slopes there (height over distance), heights [m], look
+    "plate": ([0, 0.62, 0.68, 0.76, 0.8, 0.95, 0.98, 1], [0, 0, 0.5, 0.5, 0.15, 0.15, 0, -0.8], (0.008, 0.03), "plate"),
+    "bowl": ([0, 0.3, 0.6, 0.9, 0.93, 0.97, 1], [0, 0.15, 0.6, 1.6, 0, 0, -1], (0.02, 0.07), "bowl"),
+    "lid": ([0, 0.12, 0.18, 0.2, 0.9, 1], [0, 0, -2, -0.1, -0.2, -1.5], (0.005, 0.03), "other"),
+    "lump": ([0, 0.3, 0.6, 0.8, 0.95, 1], [0, -0.2, -0.6, -1.1, -2, -3], (0.02, 0.08), "other"),
+    "pot": ([0, 0.78, 0.82, 0.9, 0.93, 0.97, 1], [0, 0, 1, 4, 0, 0, -1], (0.04, 0.1), "bowl"),
+}
 
 
-def crockery(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
+def crockery(rng: Rng, frame: Frame, radius: float) -> Drawn:
     """Draw a solid of revolution: plate, bowl, lid, fruit or pot, maybe oval, square or filled."""
-    kind = rng.choice(["plate", "bowl", "lid", "lump", "pot"], p=[0.4, 0.33, 0.09, 0.08, 0.1])
+    kind = str(rng.choice([*CROCKERY], p=[0.4, 0.33, 0.09, 0.08, 0.1]))
+    places, slopes, heights, look = CROCKERY[kind]
     x, y = frame.x, frame.y / np.float32(rng.uniform(0.72, 1) if rng.random() < 0.25 else 1)
     if rng.random() < 0.18:
         power = rng.uniform(2.5, 8)
@@ -101,19 +100,17 @@ def crockery(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
     else:
         r = np.hypot(x, y) / radius
     r = r.astype(np.float32)
-    knots = {
-        "plate": ([0, 0.62, 0.68, 0.76, 0.8, 0.95, 0.98, 1], [0, 0, 0.5, 0.5, 0.15, 0.15, 0, -0.8]),
-        "bowl": ([0, 0.3, 0.6, 0.9, 0.93, 0.97, 1], [0, 0.15, 0.6, 1.6, 0, 0, -1]),
-        "lid": ([0, 0.12, 0.18, 0.2, 0.9, 1], [0, 0, -2, -0.1, -0.2, -1.5]),
-        "lump": ([0, 0.3, 0.6, 0.8, 0.95, 1], [0, -0.2, -0.6, -1.1, -2, -3]),
-        "pot": ([0, 0.78, 0.82, 0.9, 0.93, 0.97, 1], [0, 0, 1, 4, 0, 0, -1]),
-    }[kind]
-    shift = rng.normal(0, 0.04, len(knots[0]) - 2)
-    at = np.sort(np.clip(np.array([0, *(np.array(knots[0])[1:-1] + shift), 1]), 0, 1))
-    steep = np.interp(r, at, np.array(knots[1]) * rng.uniform(0.4, 1.3)).astype(np.float32)
+    shifted = places[1:-1] + rng.normal(0, 0.04, len(places) - 2)
+    knots = np.sort(np.clip([0, *shifted, 1], 0, 1))
+    steep = np.interp(r, knots, np.array(slopes) * rng.uniform(0.4, 1.3)).astype(np.float32)
     scale = np.maximum(np.hypot(frame.x, frame.y), 1e-4)
-    surface = rng.uniform(0.3, 0.8), rng.uniform(0, 0.9) ** 2, rng.uniform(8, 80)
-    diffuse, shine = lit(steep * frame.x / scale, steep * frame.y / scale, frame.lamp, *surface)
+    ambient, gloss, sharpness = rng.uniform(0.3, 0.8), rng.uniform(0, 0.9) ** 2, rng.uniform(8, 80)
+    slope_x, slope_y = steep * frame.x / scale, steep * frame.y / scale
+    length = np.sqrt(slope_x**2 + slope_y**2 + 1)
+    towards = (1.2 - slope_x * frame.lamp[0] - slope_y * frame.lamp[1]) / length / 1.56
+    halfway = np.clip((2.4 - slope_x * frame.lamp[0] - slope_y * frame.lamp[1]) / length / 2.6, 0, 1)
+    diffuse = (ambient + (1 - ambient) * np.clip(towards, 0, 1) / 0.77).astype(np.float32)
+    shine = (gloss * halfway**sharpness).astype(np.float32)
     rgb = decorated(rng, frame.x, y, radius)
     if kind in ("bowl", "pot"):
         depth = rng.uniform(0.1, 0.5) if kind == "bowl" else rng.uniform(0.3, 0.8)
@@ -121,22 +118,19 @@ def crockery(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
         near_lamp = np.clip(0.4 + (frame.x * frame.lamp[0] + frame.y * frame.lamp[1]) / radius * 1.2, 0, 1)
         diffuse = diffuse * (1 - depth * hollow * (0.35 + 0.65 * near_lamp))
         if rng.random() < 0.25:
-            level = np.clip((rng.uniform(0.55, 0.88) - r) / 0.03, 0, 1)[..., None]
+            level = np.clip((rng.uniform(0.55, 0.88) - r) / 0.03, 0, 1)
             food = colour(rng, (0, 0.2), (0.1, 0.9), (0.1, 0.9))
             food = food * (1 + 0.15 * rng.random() * np.sin(x * 300) * np.sin(y * 280))[..., None]
-            rgb, diffuse = rgb + (food - rgb) * level, diffuse + (1 - diffuse) * level[..., 0] * 0.7
+            rgb, diffuse = blend(rgb, food, level), diffuse + (1 - diffuse) * level * 0.7
     if rng.random() < 0.4:
         rim = np.exp(-(((r - 0.955) / 0.03) ** 2))[..., None]
         rgb = rgb + (colour(rng) - rgb) * rim * rng.uniform(0.3, 1)
     rgb = rgb * diffuse[..., None] + shine[..., None]
     alpha = inside((r - 1) * radius)
-    heights = {"plate": (0.008, 0.03), "bowl": (0.02, 0.07), "lid": (0.005, 0.03), "lump": (0.02, 0.08)}
-    height = rng.uniform(*heights.get(kind, (0.04, 0.1)))
-    look = {"plate": "plate", "bowl": "bowl", "pot": "bowl"}.get(str(kind), "other")
-    return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, height, alpha, look=look)
+    return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, rng.uniform(*heights), alpha, look=look)
 
 
-def mug(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
+def mug(rng: Rng, frame: Frame, radius: float) -> Drawn:
     """Draw a mug or cup with a handle, empty or filled."""
     body = radius * rng.uniform(0.68, 0.82)
     x = frame.x + np.float32(radius - body)
@@ -149,43 +143,39 @@ def mug(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
         handle = np.abs(np.hypot((x - body) / (reach - body), frame.y / half) - 0.85) * half - body * 0.09
     base = colour(rng, saturation=(0, 0.9), value=(0.08, 1))
     towards = (x * frame.lamp[0] + frame.y * frame.lamp[1]) / body
-    within = inside(r - (body - wall))[..., None]
+    within = inside(r - (body - wall))
     depth = rng.uniform(0.3, 0.85)
     hollow = (colour(rng) if rng.random() < 0.3 else base) * (1 - depth * np.clip(0.5 + 0.6 * towards, 0, 1))[..., None]
     if rng.random() < 0.45:
-        level = inside(r - (body - wall) * rng.uniform(0.85, 0.97))[..., None]
+        level = inside(r - (body - wall) * rng.uniform(0.85, 0.97))
         drink = colour(rng, (0.02, 0.15), (0.3, 0.9), (0.05, 0.7)) * (1 + 0.2 * towards[..., None])
-        hollow = hollow + (drink - hollow) * level
-    rgb = base * (0.9 + 0.25 * towards)[..., None]
-    rgb = rgb + (hollow - rgb) * within
+        hollow = blend(hollow, drink, level)
+    rgb = blend(base * (0.9 + 0.25 * towards)[..., None], hollow, within)
     cover = np.maximum(inside(r - body), inside(handle.astype(np.float32)))
     glint = np.exp(-(((r - body + wall / 2) / (wall * 0.5)) ** 2)) * np.clip(towards, 0, 1) ** 4 * rng.uniform(0, 0.8)
     rgb = (rgb + glint[..., None]).astype(np.float32)
     return Drawn(rgb, cover, cover > 0.5, rng.uniform(0.05, 0.11), cover, look="cup")
 
 
-def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Array) -> Drawn:
+def clear_glass(rng: Rng, frame: Frame, radius: float, lean: Array) -> Drawn:
     """Draw a glass from above: rim, foot, highlights and tint over the table that it bends.
 
     `lean` [m] is the shift of the rim against the foot, as in a picture taken from the side.
     """
     taper = rng.uniform(0.5, 1.02)
     foot, rim_r = radius * min(taper, 1), radius / max(taper, 1)
-    x, y, lamp = frame.x, frame.y, frame.lamp
-    sides = int(rng.integers(5, 13)) if rng.random() < 0.15 else 0
+    x, y, lamp = frame
     top_x, top_y = x - np.float32(lean[0]), y - np.float32(lean[1])
-    r_top, r_foot = np.hypot(top_x, top_y), np.hypot(x, y)
-    if sides:
-        turn = np.arctan2(top_y, top_x)
-        r_top = r_top * (1 + 0.05 * np.cos(turn * sides))
+    r_top, r_foot, bearing = np.hypot(top_x, top_y), np.hypot(x, y), np.arctan2(top_y, top_x)
+    if rng.random() < 0.15:  # many-sided
+        r_top = r_top * (1 + 0.05 * np.cos(bearing * int(rng.integers(5, 13))))
     wall, along = to_segment(x, y, (0, 0), (float(lean[0]), float(lean[1])))
     body = wall - (foot + (rim_r - foot) * along)
     cover = inside(np.minimum(np.minimum(body, r_top - rim_r), r_foot - foot).astype(np.float32))
     stained = rng.random() < 0.3
     tint = colour(rng, (0, 1), (0.1, 0.8), (0.5, 1)) if stained else colour(rng, (0.3, 0.65), (0, 0.1), (0.6, 1))
-    rgb = np.zeros((*x.shape, 3), np.float32)
     alpha = np.full(x.shape, rng.uniform(0, 0.08) if rng.random() < 0.7 else rng.uniform(0.1, 0.45), np.float32)
-    rgb += tint * alpha[..., None]
+    rgb = tint * alpha[..., None]
 
     def over(shade: Array, share: Plane) -> None:
         nonlocal rgb, alpha
@@ -197,8 +187,7 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
     over(tint * rng.uniform(0.1, 0.6), (inner ** rng.uniform(3, 12) * rng.uniform(0, 0.5) * faint).astype(np.float32))
     if rng.random() < 0.35 * faint:
         level = inside(r_top - rim_r * rng.uniform(0.75, 0.93))
-        drink = colour(rng, (0, 1), (0.2, 0.9), (0.1, 0.9))
-        over(drink, level * np.float32(rng.uniform(0.05, 0.9)))
+        over(colour(rng, (0, 1), (0.2, 0.9), (0.1, 0.9)), level * np.float32(rng.uniform(0.05, 0.9)))
     towards_foot = (x * lamp[0] + y * lamp[1]) / np.maximum(r_foot, 1e-4)
     towards = (top_x * lamp[0] + top_y * lamp[1]) / np.maximum(r_top, 1e-4)
     strength = rng.uniform(0.15, 1.2) * faint
@@ -214,18 +203,17 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
         turn, width = rng.uniform(0, 2 * np.pi), rng.uniform(0.03, 0.4)
         if rng.random() < 0.6:
             turn = np.arctan2(lamp[1], lamp[0]) + np.pi * rng.integers(2) + rng.normal(0, 0.2)
-        off = np.abs((np.arctan2(top_y, top_x) - turn + np.pi) % (2 * np.pi) - np.pi)
+        off = np.abs((bearing - turn + np.pi) % (2 * np.pi) - np.pi)
         away = (r_top / rim_r - rng.uniform(0.5, 0.97)) / rng.uniform(0.02, 0.08)
         glint = np.exp(-((off / width) ** 2) - (away**2))
         over(np.ones(3, np.float32), (glint * rng.uniform(0.2, 1) * faint).astype(np.float32))
-    share = (alpha * cover).astype(np.float32)
-    straight = rgb / np.maximum(alpha, 1e-3)[..., None]
+    straight = (rgb / np.maximum(alpha, 1e-3)[..., None]).astype(np.float32)
     power, swap = rng.uniform(0, 4), rng.uniform(0.02, 0.9) * faint * (-1 if rng.random() < 0.7 else 1.5)
     pull = (np.clip(r_foot / radius, 0, 1) ** power * swap).astype(np.float32)
     bend = np.stack([x * pull, y * pull], -1) * cover[..., None]
     hollow = np.clip(rng.uniform(0.15, 0.6) + 0.8 * np.clip(inner, 0, 1) ** 4, 0, 1) * rng.uniform(0.1, 0.9)
     height, blocks = rng.uniform(0.04, 0.13), (cover * hollow).astype(np.float32)
-    return Drawn(straight.astype(np.float32), share, cover > 0.5, height, blocks, bend, "cup")
+    return Drawn(straight, (alpha * cover).astype(np.float32), cover > 0.5, height, blocks, bend, "cup")
 
 
 PROFILES = {  # widths from foot to mouth, or from one end to the other
@@ -238,7 +226,7 @@ PROFILES = {  # widths from foot to mouth, or from one end to the other
 }
 
 
-def revolved(rng: np.random.Generator, frame: Frame, half: float, radius: float, lying: bool, clear: bool) -> Drawn:
+def revolved(rng: Rng, frame: Frame, half: float, radius: float, lying: bool, clear: bool) -> Drawn:
     """Draw a cup, can, bottle, jar, vase or tube along x, its foot to the left, of opaque or clear material.
 
     lying: seen from above on its side; else it stands and is seen aslant, with its mouth to the right.
@@ -266,68 +254,64 @@ def revolved(rng: np.random.Generator, frame: Frame, half: float, radius: float,
     low, high = np.sort(rng.uniform(0.05, 0.8, 2))
     label = ((along > low) & (along < high)).astype(np.float32) * np.float32(rng.random() < 0.55)
     print_ = decorated(rng, x, y, half) if rng.random() < 0.6 else colour(rng, value=(0.05, 1))
-    rgb += (print_ * tone[..., None] - rgb) * label[..., None]
+    rgb = blend(rgb, print_ * tone[..., None], label)
     alpha = np.ones(x.shape, np.float32)
     if clear:
         edge = np.abs(across) ** rng.uniform(4, 14)
         alpha = np.clip(rng.uniform(0.02, 0.25) + rng.uniform(0.2, 0.9) * edge + 0.8 * (tone > 1.05) + label, 0, 1)
     cover = inside(distance.astype(np.float32))
-    if lying:
-        if rng.random() < 0.5:  # a cap
-            cap = (along > rng.uniform(0.85, 0.95))[..., None]
-            rgb = np.where(cap, colour(rng) * tone[..., None], rgb)
-    else:
+    if lying and rng.random() < 0.5:  # a cap
+        cap = (along > rng.uniform(0.85, 0.95))[..., None]
+        rgb = np.where(cap, colour(rng) * tone[..., None], rgb)
+    if not lying:
         r = np.hypot(x - reach, y) / mouth
-        within, rim = inside((r - 0.9) * mouth)[..., None], np.exp(-(((r - 0.95) / 0.06) ** 2))[..., None]
+        within, rim = inside((r - 0.9) * mouth), np.exp(-(((r - 0.95) / 0.06) ** 2))[..., None]
         deep = rng.uniform(0.15, 0.9) * np.clip(0.6 + 0.4 * (x - reach) / mouth, 0, 1)[..., None]
         filling = base * deep if rng.random() < 0.6 else colour(rng) * np.ones_like(deep)
-        rgb += (filling - rgb) * within
+        rgb = blend(rgb, filling, within)
         rgb += (base * rng.uniform(0.7, 1.4) - rgb) * rim * rng.uniform(0.2, 1)
         if clear:
-            alpha = np.maximum(alpha * (1 - within[..., 0] * 0.7), 0.8 * rim[..., 0] * rng.uniform(0.3, 1))
+            alpha = np.maximum(alpha * (1 - within * 0.7), 0.8 * rim[..., 0] * rng.uniform(0.3, 1))
     if not lying and not clear and rng.random() < 0.4:  # a handle
         lift, out = rng.uniform(-0.3, 0.3) * half, radius * rng.uniform(1.0, 1.5)
         ring = np.hypot((x - lift) / rng.uniform(0.35, 0.7), y - out * rng.choice([-0.8, 0.8])) - radius * 0.55
         handle = inside((np.abs(ring) - radius * rng.uniform(0.07, 0.16)).astype(np.float32)) * (1 - cover)
-        rgb += (base * rng.uniform(0.6, 1.1) - rgb) * handle[..., None]
+        rgb = blend(rgb, base * rng.uniform(0.6, 1.1), handle)
         cover = np.maximum(cover, handle)
-    share, look = (alpha * cover).astype(np.float32), "cup" if kind == "cup" else "bottle"
+    rgb, share, look = rgb.astype(np.float32), (alpha * cover).astype(np.float32), "cup" if kind == "cup" else "bottle"
     if not clear:
-        return Drawn(rgb.astype(np.float32), share, cover > 0.5, rng.uniform(0.03, 0.1), cover, look=look)
-    pull = np.float32(rng.uniform(-0.8, 0.3)) * cover
-    bend = np.stack([np.zeros_like(x), y * pull], -1)
+        return Drawn(rgb, share, cover > 0.5, rng.uniform(0.03, 0.1), cover, look=look)
+    bend = np.stack([np.zeros_like(x), y * (np.float32(rng.uniform(-0.8, 0.3)) * cover)], -1)
     blocks = (cover * rng.uniform(0.1, 0.6)).astype(np.float32)
-    return Drawn(rgb.astype(np.float32), share, cover > 0.5, rng.uniform(0.04, 0.13), blocks, bend, look)
+    return Drawn(rgb, share, cover > 0.5, rng.uniform(0.04, 0.13), blocks, bend, look)
 
 
-def tool(rng: np.random.Generator, frame: Frame, half: float, breadth: float) -> Drawn:
+def tool(rng: Rng, frame: Frame, half: float, breadth: float) -> Drawn:
     """Draw what has limbs and rings: scissors, pliers, spectacles, keys, a screwdriver, a brush, a cable's plug."""
     x, y = frame.x, frame.y
     rgb, cover = np.zeros((*x.shape, 3), np.float32), np.zeros(x.shape, np.float32)
     joint, turned = rng.uniform(-0.3, 0.3) * half, 1 if frame.lamp[1] > 0 else -1
-    pairs = rng.random() < 0.6
+    limbs = (-1.0, 1.0) if rng.random() < 0.6 else (1.0,)
     splay = breadth * rng.uniform(0.2, 1)
-    for sign in (-1.0, 1.0) if pairs else (1.0,):
+    for sign in limbs:
         ends = [(-half * 0.95, -sign * splay), (joint, 0.0), (half * 0.95, sign * splay * rng.uniform(0.1, 1))]
         thick = breadth * rng.uniform(0.12, 0.45, 3)
         for (start, stop), (first, last) in zip(pairwise(ends), pairwise(thick), strict=True):
             away, t = to_segment(x, y, start, stop)
             part = inside((away - (first + (last - first) * t)).astype(np.float32))
-            paint = metal(rng, np.clip(away / breadth, -1, 1), t, turned)
-            rgb += (paint - rgb) * part[..., None]
+            rgb = blend(rgb, metal(rng, np.clip(away / breadth, -1, 1), t, turned), part)
             cover = np.maximum(cover, part)
         if rng.random() < 0.6:
             radius = breadth * rng.uniform(0.4, 0.75)
             ring = np.hypot((x + half - radius) / rng.uniform(1, 1.6), y + sign * splay) - radius * 0.8
-            filled = rng.random() < 0.25
-            part = inside((ring if filled else np.abs(ring) - radius * rng.uniform(0.12, 0.3)).astype(np.float32))
-            paint = colour(rng, saturation=(0, 0.95)) * (1 + 0.2 * y / breadth * turned)[..., None]
-            rgb += (paint - rgb) * part[..., None]
+            ring = ring if rng.random() < 0.25 else np.abs(ring) - radius * rng.uniform(0.12, 0.3)
+            part = inside(ring.astype(np.float32))
+            rgb = blend(rgb, colour(rng, saturation=(0, 0.95)) * (1 + 0.2 * y / breadth * turned)[..., None], part)
             cover = np.maximum(cover, part)
     return Drawn(rgb.astype(np.float32), cover, cover > 0.5, rng.uniform(0.003, 0.03), cover)
 
 
-def metal(rng: np.random.Generator, across: Plane, along: Plane, turned: float) -> Float32[Array, "row column 3"]:
+def metal(rng: Rng, across: Plane, along: Plane, turned: float) -> Float32[Array, "row column 3"]:
     """Return the surface of a long item: polished metal with a strip of light, wood or plastic."""
     kind = rng.random()
     if kind < 0.6:
@@ -341,7 +325,7 @@ def metal(rng: np.random.Generator, across: Plane, along: Plane, turned: float) 
     return base * (1 - rng.uniform(0, 0.4) * across**2 + rng.uniform(-0.2, 0.2) * across * turned)[..., None]
 
 
-def cutlery(rng: np.random.Generator, frame: Frame, half: float, breadth: float) -> Drawn:
+def cutlery(rng: Rng, frame: Frame, half: float, breadth: float) -> Drawn:
     """Draw a fork, knife, spoon, rod, pair of sticks or tongs, of this half-length and half-width [m]."""
     kind = rng.choice(["fork", "knife", "spoon", "sticks", "rod", "tongs"], p=[0.3, 0.27, 0.25, 0.06, 0.07, 0.05])
     x, y = frame.x, frame.y
@@ -381,8 +365,7 @@ def cutlery(rng: np.random.Generator, frame: Frame, half: float, breadth: float)
     along_all = (x + half) / (2 * half)
     rgb = metal(rng, y / thin, along_all, turned)
     if rng.random() < 0.4:
-        other = metal(rng, y / thin, along_all, turned)
-        rgb = np.where((x < neck)[..., None], other, rgb)
+        rgb = np.where((x < neck)[..., None], metal(rng, y / thin, along_all, turned), rgb)
     if kind == "spoon":
         length = breadth * 1.4
         u, v = (x - half + length) / length, y / breadth
@@ -394,15 +377,15 @@ def cutlery(rng: np.random.Generator, frame: Frame, half: float, breadth: float)
     return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, rng.uniform(0.002, 0.02), alpha, look="cutlery")
 
 
-def box(rng: np.random.Generator, frame: Frame, half: float, breadth: float) -> Drawn:
+def box(rng: Rng, frame: Frame, half: float, breadth: float) -> Drawn:
     """Draw a rounded rectangle: a board, a tray, a box, a telephone."""
     corner = breadth * rng.uniform(0.05, 0.9)
     dx, dy = np.abs(frame.x) - (half - corner), np.abs(frame.y) - (breadth - corner)
     distance = np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)) + np.minimum(np.maximum(dx, dy), 0) - corner
     rgb = decorated(rng, frame.x, frame.y, half)
     if rng.random() < 0.4:
-        field = noise(rng, max(*frame.x.shape, 16), rng.uniform(2, 20), 3, 0.6, rng.uniform(1, 8))
-        field = field[: frame.x.shape[0], : frame.x.shape[1]]
+        rows, columns = frame.x.shape
+        field = noise(rng, max(rows, columns, 16), rng.uniform(2, 20), 3, 0.6, rng.uniform(1, 8))[:rows, :columns]
         rgb = ramp(0.5 + 0.25 * field, [colour(rng), colour(rng)])
     border = np.exp(-((distance + rng.uniform(0.003, 0.012)) ** 2) / 0.004**2)
     edge = (frame.x / half * frame.lamp[0] + frame.y / breadth * frame.lamp[1]) * rng.uniform(-0.4, 0.5)

@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 
 SIDE_M = 1.2  # side of a painted top [m]; the camera sees 1 m of it
 
+Rng = np.random.Generator
 Number = float | int  # the tests' beartype takes no int for a float
+Range = tuple[Number, Number]
 Field = Float32[Array, "side side"]
 Top = Float32[Array, "side side 3"]
 Colour = Float32[Array, "3"]
@@ -22,51 +24,44 @@ Sheet = UInt8[Array, "side side 3"]
 FRACTION_BITS = 4
 
 
-def colour(
-    rng: np.random.Generator,
-    hue: tuple[Number, Number] = (0, 1),
-    saturation: tuple[Number, Number] = (0, 0.8),
-    value: tuple[Number, Number] = (0.1, 0.95),
-) -> Colour:
+def colour(rng: Rng, hue: Range = (0, 1), saturation: Range = (0, 0.8), value: Range = (0.1, 0.95)) -> Colour:
     """Draw a colour, uniform in hue and value; dull ones are more frequent than saturated ones."""
     h, v = rng.uniform(*hue) % 1, rng.uniform(*value)
     s = saturation[0] + (saturation[1] - saturation[0]) * rng.random() ** 1.6
     return np.array(colorsys.hsv_to_rgb(h, s, v), np.float32)
 
 
-def wood(rng: np.random.Generator) -> Colour:
+def wood(rng: Rng) -> Colour:
     """Draw the colour of a wood, from ash to ebony."""
     return colour(rng, (0.03, 0.12), (0.2, 0.7), (0.25, 0.92))
 
 
-def stone(rng: np.random.Generator) -> Colour:
+def stone(rng: Rng) -> Colour:
     """Draw the colour of a stone, mostly grey."""
     return colour(rng, (0, 1), (0, 0.12), (0.12, 0.95)) if rng.random() < 0.7 else colour(rng, saturation=(0.1, 0.5))
 
 
-def cloth(rng: np.random.Generator) -> Colour:
+def cloth(rng: Rng) -> Colour:
     """Draw the colour of a cloth: white, natural or dyed."""
     if rng.random() < 0.35:
         return colour(rng, (0.05, 0.15), (0, 0.25), (0.65, 0.97))
     return colour(rng, saturation=(0.1, 0.9), value=(0.15, 0.95))
 
 
-def near(rng: np.random.Generator, base: Colour, spread: float) -> Colour:
+def near(rng: Rng, base: Colour, spread: float) -> Colour:
     """Draw a colour near `base`: another brightness and, less so, another tint."""
     gain = rng.uniform(1 - 2 * spread, 1 + 2 * spread) * rng.normal(1, spread / 4, 3)
     return np.clip(base * gain + rng.uniform(-spread, spread) / 3, 0.02, 1).astype(np.float32)
 
 
-def shades(rng: np.random.Generator, least: int = 2, most: int = 5) -> list[Colour]:
+def shades(rng: Rng, least: int = 2, most: int = 5) -> list[Colour]:
     """Draw some colours: unrelated ones, or shades of one."""
     base = colour(rng)
     alike = rng.random() < 0.4
     return [near(rng, base, 0.2) if alike else colour(rng) for _ in range(rng.integers(least, most + 1))]
 
 
-def noise(
-    rng: np.random.Generator, side: int, cells: Number, levels: int = 1, gain: float = 0.5, stretch: Number = 1.0
-) -> Field:
+def noise(rng: Rng, side: int, cells: Number, levels: int = 1, gain: float = 0.5, stretch: Number = 1.0) -> Field:
     """Draw smooth noise of several octaves, with mean 0 and standard deviation 1.
 
     The coarsest octave has `cells` random values from top to bottom and `cells / stretch` from left to right: a large
@@ -80,9 +75,9 @@ def noise(
     return (total - total.mean()) / max(float(total.std()), 1e-3)
 
 
-def grid(side: int) -> tuple[Field, Field]:
-    """Return the columns x and rows y of a square, each from 0 to 1."""
-    along = (np.arange(side, dtype=np.float32) + 0.5) / side
+def grid(side: int, repeats: Number = 1) -> tuple[Field, Field]:
+    """Return the columns x and rows y of a square, each from 0 to `repeats`."""
+    along = (np.arange(side, dtype=np.float32) + 0.5) / side * repeats
     return np.broadcast_to(along, (side, side)), np.broadcast_to(along[:, None], (side, side))
 
 
@@ -100,11 +95,6 @@ def ramp(field: Array, colours: Sequence[Colour]) -> Float32[Array, "rows column
 def blend(below: Array, above: Array, share: Array) -> Top:
     """Return `above` over `below`, by its share of each pixel."""
     return below + (above - below) * share[..., None]
-
-
-def flat(side: int, shade: Colour) -> Top:
-    """Return a top of one colour."""
-    return np.full((side, side, 3), shade, np.float32)
 
 
 def sheet(shade: Colour, side: int) -> Sheet:

@@ -107,27 +107,24 @@ def _solid(layouts: Layouts, scene: int, slot: int, catalogue: Catalogue) -> Arr
 def read_path_traced(folder: Path) -> Part:
     """Return the pictures of a folder of `python -m making.render` as parts of the pool are."""
     tables = read_rendered(folder)
-    truth = np.stack([_truth(tables.layouts, scene) for scene in range(len(tables.images))])
-    return np.concatenate([tables.images, tables.empty, truth], -1)
-
-
-def _truth(layouts: Layouts, scene: int) -> np.ndarray:
-    """Return item, between, see-through, known and look of each pixel."""
+    layouts, n = tables.layouts, len(tables.images)
     place = (np.arange(SIDE) + 0.5) / SIDE
     points = np.stack(np.meshgrid(place, 1 - place), -1)
-    instances, see_through, look = np.zeros((3, SIDE, SIDE), np.uint8)
-    inner, table = np.zeros((SIDE, SIDE), bool), np.ones((SIDE, SIDE), bool)
-    for slot in np.flatnonzero(layouts.present[scene]):
+    instances, see_through, look = np.zeros((3, n, SIDE, SIDE), np.uint8)
+    inner, table = np.zeros(instances.shape, bool), np.ones(instances.shape, bool)
+    for scene, slot in np.argwhere(layouts.present):
         angle, centre = layouts.angle[scene, slot], layouts.centre[scene, slot]
         half = np.array([np.cos(angle), np.sin(angle)]) * layouts.half_length[scene, slot]
         distance, radius = point_segment_distance(points, centre - half, centre + half), layouts.radius[scene, slot]
-        instances[distance < radius] = slot + 1
-        see_through[distance < radius] = APPEARANCES[layouts.symbol[scene, slot]].transparent
-        look[distance < radius] = 1 + layouts.symbol[scene, slot]
-        inner |= distance < max(INNER_SHARE * radius, MIN_INNER_M)
-        table &= distance > radius + REACH_M
-    truth = instances > 0, between(instances), see_through, inner | table, look
-    return np.stack(truth, -1).astype(np.uint8)
+        covered = distance < radius
+        instances[scene][covered] = slot + 1
+        see_through[scene][covered] = APPEARANCES[layouts.symbol[scene, slot]].transparent
+        look[scene][covered] = 1 + layouts.symbol[scene, slot]
+        inner[scene] |= distance < max(INNER_SHARE * radius, MIN_INNER_M)
+        table[scene] &= distance > radius + REACH_M
+    pictures = pack(Composites(tables.images, instances, tables.empty, np.array(tables.tops), see_through, look))
+    pictures[..., KNOWN] = inner | table
+    return pictures
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from making.segmenter.families import HELD_OUT, TAUGHT
-from making.segmenter.paint import FRACTION_BITS, Colour, Field, Top, colour, noise, points, step
+from making.segmenter.paint import FRACTION_BITS, Colour, Field, Rng, Top, colour, noise, points, step
 
 Kind = Literal["taught", "held_out"]
 
@@ -15,7 +15,7 @@ Kind = Literal["taught", "held_out"]
 class Family(NamedTuple):
     """A kind of table top."""
 
-    draw: Callable[[np.random.Generator, int], Top]  # draws a top of so many pixels a side
+    draw: Callable[[Rng, int], Top]  # draws a top of so many pixels a side
     kind: Kind
 
 
@@ -28,7 +28,7 @@ def family_names(kind: Kind) -> list[str]:
     return [name for name, family in FAMILIES.items() if family.kind == kind]
 
 
-def draw_top(rng: np.random.Generator, families: Sequence[str], side: int) -> tuple[str, Top]:
+def draw_top(rng: Rng, families: Sequence[str], side: int) -> tuple[str, Top]:
     """Draw a top of one family, sometimes with others' laid on it or mixed in; return the first one's name too."""
     name = str(rng.choice(families))
     top = FAMILIES[name].draw(rng, side).astype(np.float32)
@@ -44,7 +44,7 @@ def draw_top(rng: np.random.Generator, families: Sequence[str], side: int) -> tu
     return name, np.clip(top, 0.005, 1.2).astype(np.float32)
 
 
-def patch(rng: np.random.Generator, side: int) -> Field:
+def patch(rng: Rng, side: int) -> Field:
     """Return the share of another material: a runner, a place-mat, a round cloth, an edge or blots."""
     mask = np.zeros((side, side), np.uint8)
     kind, centre = rng.integers(5), rng.uniform(0.1, 0.9, 2) * side
@@ -62,7 +62,7 @@ def patch(rng: np.random.Generator, side: int) -> Field:
     return mask.astype(np.float32) / 255
 
 
-def worn(rng: np.random.Generator, top: Top) -> Top:
+def worn(rng: Rng, top: Top) -> Top:
     """Return a top with some marks of use."""
     side = len(top)
     marks = [stains, cup_rings, crumbs, scratches]
@@ -72,7 +72,7 @@ def worn(rng: np.random.Generator, top: Top) -> Top:
     return top
 
 
-def stains(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
+def stains(rng: Rng, side: int) -> tuple[Field, Colour]:
     """Return the share of each pixel that blots cover, and their colour."""
     field = noise(rng, side, rng.uniform(2, 8), 3)
     least = rng.uniform(1, 2.2)
@@ -80,7 +80,7 @@ def stains(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
     return np.clip(0.6 * step(field - least, 0.2) + edge, 0, 1), colour(rng, (0, 0.15), (0, 0.7), (0.05, 0.6))
 
 
-def cup_rings(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
+def cup_rings(rng: Rng, side: int) -> tuple[Field, Colour]:
     """Return the share of each pixel that rings of wet cups cover, and their colour."""
     mask = np.zeros((side, side), np.uint8)
     for _ in range(rng.integers(1, 5)):
@@ -92,7 +92,7 @@ def cup_rings(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
     return faded, colour(rng, (0, 0.12), (0, 0.7), (0.05, 0.95))
 
 
-def crumbs(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
+def crumbs(rng: Rng, side: int) -> tuple[Field, Colour]:
     """Return the share of each pixel that crumbs, drops or chips cover, and their colour."""
     mask = np.zeros((side, side), np.uint8)
     middle, spread = rng.uniform(0, side, 2), side * rng.uniform(0.05, 0.5)
@@ -103,7 +103,7 @@ def crumbs(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
     return mask / np.float32(255), colour(rng)
 
 
-def scratches(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
+def scratches(rng: Rng, side: int) -> tuple[Field, Colour]:
     """Return the share of each pixel that scratches or hairs cover, and their colour."""
     mask = np.zeros((side, side), np.uint8)
     for _ in range(rng.integers(1, 25)):

@@ -63,7 +63,8 @@ def change(rng: np.random.Generator, pictures: Part) -> tuple[Inputs, Truth]:
     for i, picture in enumerate(pictures.copy()):
         paint(rng, picture)
         if rng.random() < P_FADE:
-            fade(picture, rng.uniform(MIN_FADE, 1))
+            table, share = picture[..., EMPTY].astype(np.float32), rng.uniform(MIN_FADE, 1)
+            picture[..., COLOURS] = np.rint(table + share * (picture[..., COLOURS] - table))
         turned = np.rot90(picture, int(rng.integers(4)))
         turned = turned[:, ::-1] if rng.random() < 0.5 else turned
         truth[i] = turned[..., ITEM:]
@@ -80,12 +81,6 @@ def change(rng: np.random.Generator, pictures: Part) -> tuple[Inputs, Truth]:
     inputs = network_input(colours[..., :3], colours[..., 3:])
     inputs[torch.from_numpy(rng.random(n) >= P_EMPTY), 3:] = 0
     return inputs, torch.from_numpy(truth).permute(0, 3, 1, 2).float()
-
-
-def fade(picture: Array, share: float) -> None:
-    """Leave only a share of what items and shadows change in the empty table's picture."""
-    table = picture[..., EMPTY].astype(np.float32)
-    picture[..., COLOURS] = np.rint(table + share * (picture[..., COLOURS] - table))
 
 
 def paint(rng: np.random.Generator, picture: Array) -> None:
@@ -180,7 +175,7 @@ def train(pool: Path, out: Path, steps: int) -> list[float]:
     segmenter = Segmenter(normalised=True).to(memory_format=torch.channels_last)  # pyright: ignore
     optimiser = torch.optim.AdamW(segmenter.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY, fused=True)
     losses, began = [], time.monotonic()
-    for step, pictures in enumerate(batches(rng, pool)):
+    for step, pictures in zip(range(steps), batches(rng, pool), strict=False):
         optimiser.param_groups[0]["lr"] = RATE * min(step / WARM_UP, 1, (1 - step / steps) / COOL_DOWN)
         inputs, truth = change(rng, pictures)
         objective = loss(segmenter(inputs), truth)
@@ -192,9 +187,7 @@ def train(pool: Path, out: Path, steps: int) -> list[float]:
             save(segmenter, out)
             mean = np.mean(losses[-CHECKPOINT_EVERY:])
             print(f"{len(losses)} of {steps} steps, {time.monotonic() - began:.0f} s, loss {mean:.4f}", flush=True)
-        if len(losses) == steps:
-            return losses
-    raise AssertionError("batches never end")
+    return losses
 
 
 @torch.no_grad()
