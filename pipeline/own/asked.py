@@ -115,13 +115,10 @@ def model_answers(folder: Folder, fitted: Fitted, sitting: Sitting, plan: pd.Dat
     lines = [folder.frame.to_model(np.array(sitting.paths[name]["points"])) for name in plan["path"]]
     p = np.zeros(len(plan))
     for condition, rows in plan.assign(position=range(len(plan))).groupby("condition"):
-        seen: Objects = folder.seen.objects[rows["scene"].tolist()]
-        if condition not in (UNCHANGED, EXTRA):
-            seen = seen_with(folder, rows, str(condition))
+        bare = condition in (UNCHANGED, EXTRA)
+        seen = folder.seen.objects[rows["scene"].tolist()] if bare else seen_with(folder, rows, str(condition))
         for i, (row, scene) in enumerate(zip(rows["position"], rows["scene"], strict=True)):
-            name = folder.scenes[scene]
-            known = name in fitted.data.scenes
-            model = fitted.unseeing(fitted.data.scenes.index(name)) if known else fitted.model
+            model = fitted.unseeing(folder.scenes[scene])
             p[row] = model.probability(seen[[i]], lines[row][None, None])[0, 0]
     return p
 

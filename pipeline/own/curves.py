@@ -16,6 +16,7 @@ from pipeline.world.bezier import bernstein, bezier, elevated
 from pipeline.world.bezier_fit import fit_any
 from pipeline.world.layout import SIDE
 
+CONTROLS = r"^c\d_[xy]$"  # columns of control points
 DEGREES = (2, 3, 4, 5)  # of the curves that are fitted; one for the whole folder
 TRIED, BLOCKS = 40, 10  # demonstrations that choose the degree; parts of each, every other of which is left out
 POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a curve that misses the hand by more is a poor fit
@@ -42,22 +43,18 @@ def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> t
     demos = samples.iloc[offsets[:-1]].copy()
     demos[["noise_gain", "residual_m", "poor"]] = rows
     curves = bezier(np.stack(controls), PATH_SAMPLES)
+    demos["poor"] = demos["poor"].astype(bool)
     far = demos[(np.abs(curves - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=(1, 2))]
     beyond = "demonstration ({name}) swings out farther than the models' paths can: leave it out"
     faults.rows(DEMONSTRATIONS, far, beyond)
-    loose = "demonstration ({name}) does not determine its path: expected more samples between its ends"
-    follows = ~demos["poor"].astype(bool)  # a curve off its samples may fold, and its gain then says nothing of them
-    undetermined = follows & (demos["noise_gain"] > MAX_NOISE_GAIN)
-    faults.rows(DEMONSTRATIONS, demos[undetermined], loose)
+    # A curve off its samples may fold, and its gain then says nothing of them
+    loose = demos[~demos["poor"] & (demos["noise_gain"] > MAX_NOISE_GAIN)]
+    more = "demonstration ({name}) does not determine its path: expected more samples between its ends"
+    faults.rows(DEMONSTRATIONS, loose, more)
     demos = demos[[*KEY, "valid", "residual_m", "poor", "noise_gain"]].reset_index(drop=True)
-    demos["poor"] = demos["poor"].astype(bool)
-    demos[control_columns(degree)] = np.reshape(controls, (len(demos), -1))
+    columns = [f"c{k}_{axis}" for k in range(degree + 1) for axis in "xy"]
+    demos[columns] = np.reshape(controls, (len(demos), -1))
     return demos, degrees
-
-
-def control_columns(degree: int) -> list[str]:
-    """Return the columns of control points, x and y of each in turn."""
-    return [f"c{k}_{axis}" for k in range(degree + 1) for axis in "xy"]
 
 
 def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.DataFrame:

@@ -59,31 +59,28 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
 
 def check_paths(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
     """Add faults of whole demonstrations: labels, times, rows, movement; samples: as of `read_samples`."""
-
-    file, groups = DEMONSTRATIONS, samples.groupby(KEY, sort=False)
+    file, groups, size = DEMONSTRATIONS, samples.groupby(KEY, sort=False), settings.size_m
     samples = samples.assign(earlier=groups["t"].shift())
     changes, back = samples["valid"] != groups["valid"].transform("first"), samples["t"] < samples["earlier"]
     faults.rows(file, samples[changes], "valid changes within demonstration ({name}): expected one word for all of it")
     increasing = "expected times that increase, and a name of its own for each demonstration"
     goes = "t goes back from {earlier:g} to {t:g} s in demonstration ({name})"
     faults.rows(file, samples[back], f"{goes}: {increasing}")
-    extent = groups[["x", "y"]].max() - groups[["x", "y"]].min()
-    counted = groups.head(1).assign(rows=groups.size().to_numpy(), extent=np.hypot(*extent.to_numpy().T))
+    extent = np.hypot(*(groups[["x", "y"]].max() - groups[["x", "y"]].min()).to_numpy().T)
+    counted = groups.head(1).assign(rows=groups.size().to_numpy(), extent=extent)
     short = f"demonstration ({{name}}) has {{rows}} rows: expected at least {MIN_SAMPLES}"
     faults.rows(file, counted[counted["rows"] < MIN_SAMPLES], short)
     resting = "demonstration ({name}) stays within {extent:.1g} m: expected a path in metres, or leave it out"
-    faults.rows(file, counted[counted["extent"] <= STILL * settings.size_m.max()], resting)
-    _check_motion(samples, settings, faults)
-    size, beyond = settings.size_m, MAX_BEYOND_M * settings.size_m.max()
-    off = ((samples[["x", "y"]] - size / 2).abs() > size / 2 + beyond).any(axis=1)
-    metres = f"expected metres from 0 to {size[0]:g} and {size[1]:g}"
-    far = f"the path is at ({{x:g}}, {{y:g}}) m, far off the table: {metres}"
-    faults.rows(file, samples[off], far)
+    faults.rows(file, counted[counted["extent"] <= STILL * size.max()], resting)
+    _check_motion(samples, size.max(), faults)
+    off = ((samples[["x", "y"]] - size / 2).abs() > size / 2 + MAX_BEYOND_M * size.max()).any(axis=1)
+    metres = f"far off the table: expected metres from 0 to {size[0]:g} and {size[1]:g}"
+    faults.rows(file, samples[off], f"the path is at ({{x:g}}, {{y:g}}) m, {metres}")
 
 
-def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
+def _check_motion(samples: pd.DataFrame, side: float, faults: Faults) -> None:
     """Add faults of paths that no hand makes: lost and frozen trackers, several recordings under one name."""
-    groups, places, side = samples.groupby(KEY, sort=False), ["x", "y"], settings.size_m.max()
+    groups, places = samples.groupby(KEY, sort=False), ["x", "y"]
     number, seconds = groups.ngroup(), groups["t"].diff()
     step, across = (np.hypot(*groups[places].diff(rows).to_numpy().T) for rows in (1, 2))
     step, across = pd.Series(step, samples.index), pd.Series(across, samples.index).groupby(number).shift(-1)
@@ -98,18 +95,16 @@ def _check_motion(samples: pd.DataFrame, settings: Settings, faults: Faults) -> 
     returns = np.minimum(faster, faster.groupby(number).shift(-1)) > CATCH_UP
     lone = (speed > LONE * beside.median(axis=1)) & (step > LOST * side) & (longer > CATCH_UP) & (seconds < BRIEF_S)
     teleport = (faster > TELEPORT) | lone & ~gap & ~returns
+    frozen = (held >= FROZEN_ROWS) & (faster > CATCH_UP)
+    lost = (samples[places] == 0).all(axis=1) & (step > LOST * side)
     samples = samples.assign(step=step, seconds=seconds, held=held)
     wrong = {
         "jumps by {step:.2g} m in {seconds:g} s: remove samples that were lost, and name each recording differently": (
             (seconds >= 0) & ((speed > MAX_SPEED_M_S * max(side, 1)) | teleport & (held < FROZEN_ROWS))
         ),
-        "stands still for {held:g} rows and then jumps by {step:.2g} m: remove the rows of a frozen tracker": (
-            (held >= FROZEN_ROWS) & (faster > CATCH_UP)
-        ),
-        "leaves its path for one row, to ({x:g}, {y:g}) m: remove samples that were lost": (returns & (across < step)),
-        "is at (0, 0), where lost samples are logged: remove these rows": (
-            (samples[places] == 0).all(axis=1) & (step > LOST * side)
-        ),
+        "stands still for {held:g} rows and then jumps by {step:.2g} m: remove the rows of a frozen tracker": frozen,
+        "leaves its path for one row, to ({x:g}, {y:g}) m: remove samples that were lost": returns & (across < step),
+        "is at (0, 0), where lost samples are logged: remove these rows": lost,
         "has a gap of {step:.2g} m: give each recording a name of its own, or leave this one out": gap,
     }
     for sentence, rows in wrong.items():

@@ -1,9 +1,4 @@
-"""Write what a report says to the files that planners read: a specification, keep-out masks, repaired paths in a bag.
-
-specification.yaml: for each user, the distance kept from each kind, how sure that is, and what was never tested.
-keep_out/: for each scene and user a mask of Nav2's map server; black where the model rejects standing.
-repaired/: a ROS 2 bag with a nav_msgs/Path for each repaired path, if rosbags is installed.
-"""
+"""Write what a report says to the files that planners read ("Files for robots" in docs/own-tables.md)."""
 
 import importlib.util
 from pathlib import Path
@@ -20,39 +15,34 @@ from pipeline.own.fitting import VARIANT
 from pipeline.own.results import Results
 from pipeline.stats.scores import DECISION
 
-SPECIFICATION, MASKS, BAG = "specification.yaml", "keep_out", "repaired"
-ENDS = "ci_low", "ci_high"  # columns of an interval
 FIELDS = 50  # of a mask, along the table's longer side
 STANDING_M = 1e-3  # length of the path by which a place is asked [m of the model]
-OCCUPIED, FREE = 0, 254  # grey of a mask's fields, as Nav2 reads them
 PATH = "nav_msgs/msg/Path"
 
 
 def write_exports(results: Results, folder: Path) -> None:
     """Write all of them into a folder."""
     text = "# Lengths in metres. docs/own-tables.md says what each line is.\n"
-    text += yaml.safe_dump(specification(results), sort_keys=False, allow_unicode=True)
-    (folder / SPECIFICATION).write_text(text, encoding="utf-8")
-    (folder / MASKS).mkdir()
+    known = {"users": {user: specification(results, user) for user in results.fitted}}
+    text += yaml.safe_dump(known, sort_keys=False, allow_unicode=True)
+    (folder / "specification.yaml").write_text(text, encoding="utf-8")
+    (folder / "keep_out").mkdir()
     size_m, objects = results.folder.frame.size_m, results.folder.seen.objects
     for number, (user, fitted) in enumerate(results.fitted.items(), 1):
         for scene, name in enumerate(results.folder.scenes, 1):
-            stem = folder / MASKS / f"user_{number}-scene_{scene}"
+            stem = folder / "keep_out" / f"user_{number}-scene_{scene}"
             mask = keep_out(fitted.model, objects[[scene - 1]], size_m)
             write_mask(stem, mask, max(size_m), f"{user}, {name}")
     if importlib.util.find_spec("rosbags"):
-        _write_bag(folder / BAG, results)
+        _write_bag(folder / "repaired", results)
 
 
-def specification(results: Results) -> dict[str, Any]:
-    """Return what is known of each user, in plain types."""
-    named = {kind for items in results.folder.told.values() for kind, *_ in items if kind}
-    return {"users": {user: _of_user(results, user, named) for user in results.fitted}}
+def specification(results: Results, user: str) -> dict[str, Any]:
+    """Return what is known of a user, in plain types."""
 
-
-def _of_user(results: Results, user: str, named: set[str]) -> dict[str, Any]:
     def interval(row: Any, name: str) -> dict[str, Any]:
-        return {name: round(float(row[name]), 4), "interval_95": [round(float(row[end]), 4) for end in ENDS]}
+        mean, *ends = (round(float(row[column]), 4) for column in (name, "ci_low", "ci_high"))
+        return {name: mean, "interval_95": ends}
 
     scores = results.tables["scores"]
     own = scores[(scores["user"] == user) & (scores["predictor"] == VARIANT) & (scores["share"] == 1)].iloc[0]
@@ -66,6 +56,7 @@ def _of_user(results: Results, user: str, named: set[str]) -> dict[str, Any]:
             kinds[kind] |= interval(asked.loc[(user, kind)], "effect")
             if (user, kind) in kept.index:
                 kinds[kind]["keep_away"] = interval(kept.loc[(user, kind)], "radius_m")
+    named = {item.kind for items in results.folder.told.values() for item in items if item.kind}
     return said | {"kinds": kinds, "never_tested": sorted(named - kinds.keys())}
 
 
@@ -83,7 +74,7 @@ def keep_out(model: ValidityModel, seen: Any, size_m: tuple[float, float]) -> Bo
 
 def write_mask(stem: Path, mask: Bool[Array, "row column"], side_m: float, title: str) -> None:
     """Write a mask as PGM with the yaml of Nav2's map server; its origin is the table's near left corner."""
-    grey = np.where(mask, OCCUPIED, FREE).astype(np.uint8)
+    grey = np.where(mask, 0, 254).astype(np.uint8)  # occupied and free, as Nav2 reads them
     stem.with_suffix(".pgm").write_bytes(cv2.imencode(".pgm", grey)[1].tobytes())
     told = {"image": f"{stem.name}.pgm", "mode": "trinary", "resolution": side_m / FIELDS, "origin": [0.0, 0.0, 0.0]}
     told |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
@@ -98,7 +89,6 @@ def _write_bag(folder: Path, results: Results) -> None:
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     types: Any = store.types
-
     upright = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
     with Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP) as bag:
         names = {user: f"/repaired/user_{number}" for number, user in enumerate(results.fitted, 1)}

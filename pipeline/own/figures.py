@@ -110,11 +110,9 @@ def repairs(results: Results) -> Figure:
             _draw(panel, frame.image(results.folder.canvases[row.scene], PHOTOGRAPH_PX), frame, AROUND)
             demo = demos[(demos["user"] == user) & (demos["scene"] == row.scene) & (demos["demo"] == row.demo)]
             end = frame.to_model(results.repaired_paths(user, row.scene)[row.demo])
-            for points, colour, line in (
-                (bezier(results.folder.controls(demo)[0], len(end)), style.START, "--"),
-                (end, style.VALID, "-"),
-            ):
-                panel.plot(*points.T, color=colour, linestyle=line, linewidth=2)
+            start = bezier(results.folder.controls(demo)[0], len(end))
+            panel.plot(*start.T, "--", color=style.START, linewidth=2)
+            panel.plot(*end.T, color=style.VALID, linewidth=2)
             panel.set_title(f"{results.title(user)}, {number + 1}: {row.p_before:.2f} to {row.p_after:.2f}")
     return figure
 

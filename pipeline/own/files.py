@@ -63,11 +63,8 @@ class Faults(list[str]):
 
 
 def normal(name: str) -> str:
-    """Return a name with single, plain spaces, composed accents and none of UNSEEN: names that look alike are one.
-
-    Names of files are UTF-8 whatever the locale.
-    """
-    with suppress(UnicodeEncodeError):
+    """Return a name with single, plain spaces, composed accents and none of UNSEEN: names that look alike are one."""
+    with suppress(UnicodeEncodeError):  # names of files are UTF-8 whatever the locale
         name = name.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape")
     return " ".join(unicodedata.normalize("NFC", name.translate(dict.fromkeys(map(ord, UNSEEN)))).split())
 
@@ -157,10 +154,9 @@ def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
     if not (path / SCENES).is_dir():
         faults.append(f"{SCENES}/ is missing: expected a folder with a picture of each scene")
         return {}
+    endings = ", ".join(ENDINGS)
     for file in listed(path / SCENES, *UNREAD):
-        faults.append(
-            f"{SCENES}/{file.name} is not read: expected a name that ends in {', '.join(ENDINGS)}; convert it"
-        )
+        faults.append(f"{SCENES}/{file.name} is not read: expected a name that ends in {endings}; convert it")
     scenes: dict[str, Path] = {}
     for file in listed(path / SCENES, *ENDINGS):
         name = normal(file.stem)
@@ -171,7 +167,7 @@ def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
         else:
             scenes[name] = file
     if not scenes:
-        faults.append(f"{SCENES}/ holds no picture: expected files that end in {', '.join(ENDINGS)}")
+        faults.append(f"{SCENES}/ holds no picture: expected files that end in {endings}")
     return scenes
 
 
@@ -216,37 +212,34 @@ def read_content(path: Path) -> dict[str, Any]:
 def check_settings(content: dict[str, Any]) -> Settings:
     """Return the content of table.yaml as settings; raise InputError with a line for each fault."""
     faults, corners = list[str](), content.get("corners")
-    size = _parsed(SIZE, value := content.get("size_m", 1.0))
-    if size is None:
-        expected = f"one side or [width, depth] in metres, from {SIDES_M[0]} to {SIDES_M[1]:g}"
-        raise InputError(f"{SETTINGS}: size_m is {value!r}: expected {expected}")
-    rectified = _parsed(TypeAdapter(bool), value := content.get("rectified", "corners" not in content))
-    if rectified is None:
-        faults.append(f"rectified is {value!r}: expected true or false")
+    metres = f"one side or [width, depth] in metres, from {SIDES_M[0]} to {SIDES_M[1]:g}"
+    size = _parsed(SIZE, content.get("size_m", 1.0), "size_m is", metres, faults)
+    whole = content.get("rectified", "corners" not in content)
+    rectified = _parsed(TypeAdapter(bool), whole, "rectified is", "true or false", faults)
     if isinstance(corners, dict):
         corners = {normal(scene): _corners(value, f"corners of {scene}", faults) for scene, value in corners.items()}
     elif corners is not None:
         corners = _corners(corners, "corners", faults)
     if corners is not None and rectified:
         faults.append("both corners and `rectified: true` are given, and they exclude each other: remove one of them")
-    if faults:
+    if faults or size is None:
         raise InputError("\n".join(f"{SETTINGS}: {fault}" for fault in faults))
     return Settings(np.broadcast_to(size, 2), corners, bool(rectified))
 
 
-def _parsed(kind: TypeAdapter, value: Any) -> Array | None:
-    """Return the numbers that table.yaml holds, as text or as numbers, or None if they are of another kind."""
+def _parsed(kind: TypeAdapter, value: Any, name: str, expected: str, faults: list[str]) -> Array | None:
+    """Return the numbers that table.yaml holds, as text or as numbers, or None after a fault."""
     try:
         return np.array(kind.validate_python(value), float)
     except ValidationError:
+        faults.append(f"{name} {value!r}: expected {expected}")
         return None
 
 
 def _corners(value: Any, name: str, faults: list[str]) -> Array:
     """Return four corners; add a fault unless they bound a convex quadrilateral in the right order."""
-    corners = _parsed(CORNERS, value)
+    corners = _parsed(CORNERS, value, f"{name} are", f"four [column, row] in pixels, {ORDER}", faults)
     if corners is None:
-        faults.append(f"{name} are {value!r}: expected four [column, row] in pixels, {ORDER}")
         return np.zeros((4, 2))
     sides = np.roll(corners, -1, axis=0) - corners
     turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)

@@ -93,9 +93,10 @@ class Fitted:
     fold_models: list[ValidityModel]  # each fitted without one fold
     judged: pd.DataFrame  # user, predictor, share, scene, arrangement, demo, valid, p: on scenes not fitted to
 
-    def unseeing(self, scene: int) -> ValidityModel:
+    def unseeing(self, scene: str) -> ValidityModel:
         """Return the model that was not fitted to a scene."""
-        return self.fold_models[self.fold[scene]]
+        fold = dict(zip(self.data.scenes, self.fold, strict=True))
+        return self.fold_models[fold[scene]] if scene in fold else self.model
 
 
 def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
@@ -137,11 +138,8 @@ def apart(
     controls: Float[Array, "*path control 2"], others: Float[Array, "other control 2"]
 ) -> Float[Array, "*path other"]:
     """Return the root mean square distance [m] of curves from other curves, at the same parameters."""
-    first, second = (
-        bezier(c, COMPARED_POINTS).reshape(-1, 2 * COMPARED_POINTS) / np.sqrt(COMPARED_POINTS)
-        for c in (controls, others)
-    )
-    return cdist(first, second).reshape(*controls.shape[:-2], -1)
+    first, second = (bezier(some, COMPARED_POINTS).reshape(-1, 2 * COMPARED_POINTS) for some in (controls, others))
+    return cdist(first, second).reshape(*controls.shape[:-2], -1) / np.sqrt(COMPARED_POINTS)
 
 
 def fit_on(data: UserData, scenes: Int[Array, " scene"]) -> ValidityModel:
@@ -176,23 +174,20 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
     """Return one row for each user, predictor and share of the training scenes.
 
     accuracy has a 95 % interval over arrangements (ci_low, ci_high), at least as wide as the exact one over
-    demonstrations: scenes that are all right do not vary, and prove little if they are few. balanced: the mean of
-    two shares, of valid paths that are accepted and of invalid ones that are rejected. missed: share of invalid paths
-    that are accepted.
+    demonstrations: scenes that are all right do not vary, and prove little if they are few. balanced: the mean of the
+    shares of valid paths accepted and of invalid ones rejected. missed: the share of invalid ones accepted.
     """
     rows = []
     for (user, predictor, share), part in judged.groupby(["user", "predictor", "share"], sort=False):
         p, valid = part["p"].to_numpy(), part["valid"].to_numpy(bool)
         right = (p > DECISION) == valid
         counts = part.assign(right=right).groupby("arrangement")["right"].agg(["sum", "size"]).to_numpy(float).T
-        interval = ratio(counts[:1, None], counts[1:, None])  # of the share of right answers, over scenes
+        interval = ratio(counts[:1, None], counts[1:, None]).row(share=True)  # of right answers, over scenes
         exact = binomtest(int(right.sum()), len(part)).proportion_ci()  # Clopper and Pearson, 1934
         row = {"user": user, "predictor": predictor, "share": share, "scenes": part["scene"].nunique()}
         row |= {"demonstrations": len(part), "accuracy": accuracy(p, valid)}
-        row["ci_low"] = float(min(interval.ci_low[0].clip(0), exact.low))
-        row["ci_high"] = float(max(interval.ci_high[0].clip(None, 1), exact.high))
-        row["balanced"] = float((right[valid].mean() + right[~valid].mean()) / 2)
-        row["missed"] = float((p > DECISION)[~valid].mean())
+        row |= {"ci_low": min(interval["ci_low"], exact.low), "ci_high": max(interval["ci_high"], exact.high)}
+        row |= {"balanced": (right[valid].mean() + right[~valid].mean()) / 2, "missed": (p > DECISION)[~valid].mean()}
         row |= {"auroc": auroc(p, valid), "brier": brier(p, valid)}
         rows.append(row | {"calibration_error": expected_calibration_error(p, valid, BINS)})
     return pd.DataFrame(rows)
@@ -201,17 +196,15 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
 def gain_from_seeing(judged: pd.DataFrame, scored: pd.DataFrame) -> pd.DataFrame:
     """Return for each user what the picture adds to balanced accuracy, over the better image-blind baseline.
 
-    Columns of `_gain`, and blind: that baseline; state: `helps` (the interval lies above 0), `nothing` (it lies below
-    FLAT) or `open`.
+    Columns of `_gain`, and blind: that baseline; state: `helps` (interval above 0), `nothing` (below FLAT) or `open`.
     """
     rows = []
     for user, part in judged[judged["share"] == 1].groupby("user", sort=False):
         own = scored[(scored["user"] == user) & (scored["share"] == 1) & (scored["predictor"] != VARIANT)]
         blind = str(own.loc[own["balanced"].idxmax(), "predictor"])
         right = part.assign(right=(part["p"] > DECISION) == part["valid"])
-        table = right.pivot(
-            index=["arrangement", "scene", "demo", "valid"], columns="predictor", values="right"
-        ).astype(float)
+        keys = ["arrangement", "scene", "demo", "valid"]
+        table = right.pivot(index=keys, columns="predictor", values="right").astype(float)
         valid = table.index.get_level_values("valid").to_numpy(bool)
         weight = np.where(valid, 0.5 / valid.mean(), 0.5 / (1 - valid.mean()))
         by_demo = pd.DataFrame({"gain": weight * (table[VARIANT] - table[blind]), "weight": weight}, table.index)
@@ -255,9 +248,8 @@ def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
 def disagreement(fitted: Fitted, folder: Folder) -> pd.DataFrame:
     """Return one row for each picture, most disagreement first.
 
-    disagreement: standard deviation of P(valid) over the models, averaged over paths that somebody demonstrated in
-    any scene; shown: whether the user has demonstrations there. Scenes without any come first, as only they are new to
-    all models.
+    disagreement: standard deviation of P(valid) over the models, averaged over paths demonstrated in any scene; shown:
+    whether the user has demonstrations there. Scenes without any come first, as only they are new to all models.
     """
     shown = bezier(folder.controls(), PATH_SAMPLES)
     some = shown[np.linspace(0, len(shown) - 1, min(COMPARED_PATHS, len(shown))).astype(int)]
@@ -280,7 +272,7 @@ def repairs(fitted: Fitted, folder: Folder) -> tuple[pd.DataFrame, pd.DataFrame]
         wrong = np.flatnonzero(~data.valid[scene] & data.real[scene])
         if not len(wrong):
             continue
-        model, seen = fitted.unseeing(scene), data.objects[[scene]]
+        model, seen = fitted.unseeing(name), data.objects[[scene]]
         starts = bezier(data.controls[[scene]][:, wrong], REPAIRED_POINTS)
         ends, p_before = library.repair(model, seen, starts), model.probability(seen, starts)[0]
         found = np.isfinite(ends[0]).all((1, 2))

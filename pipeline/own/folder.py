@@ -13,7 +13,7 @@ from jaxtyping import Float, Int, UInt8
 from numpy import ndarray as Array
 
 from pipeline.own import files
-from pipeline.own.curves import POOR_ABOVE_M, control_columns, fit_demonstrations
+from pipeline.own.curves import CONTROLS, POOR_ABOVE_M, fit_demonstrations
 from pipeline.own.demonstrations import MIN_SCENES, read_samples
 from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCENES, SETTINGS, Faults, Settings, normal
 from pipeline.own.frame import Frame, outline, rectify
@@ -92,9 +92,8 @@ class Folder:
 
     def controls(self, demos: pd.DataFrame | None = None) -> Float[Array, "demo control 2"]:
         """Return the control points [m of the model] of demonstrations, of all unless some are given."""
-        some = self.demos if demos is None else demos
-        degree = int(self.degrees.loc[self.degrees["chosen"], "degree"].iloc[0])
-        return some[control_columns(degree)].to_numpy().reshape(len(some), degree + 1, 2)
+        columns = (self.demos if demos is None else demos).filter(regex=CONTROLS)
+        return columns.to_numpy().reshape(len(columns), columns.shape[1] // 2, 2)
 
     @property
     def users(self) -> list[str]:
@@ -108,17 +107,13 @@ class Folder:
         if unlabelled := self.canvases.keys() - set(demos["scene"]):
             notes.append(f"{len(unlabelled)} scenes have no demonstration: the report says which to show next")
         if (count := len(set(self.arrangements))) < len(self.scenes):
-            notes.append(
-                f"{len(self.scenes)} scenes show {count} arrangements: scenes that look alike are judged together"
-            )
+            alike = "scenes that look alike are judged together"
+            notes.append(f"{len(self.scenes)} scenes show {count} arrangements: {alike}")
         if not self.cutouts:
             notes.append(f"no {KINDS}/ with cut-outs: the report cannot ask what users react to")
-        poor = demos[demos["poor"]]
-        if len(poor):
-            notes.append(
-                f"{len(poor)} of {len(demos)} demonstrations are followed less closely than {POOR_ABOVE_M:g} of the "
-                f"table's side, the first ({', '.join(poor[KEY].iloc[0])})"
-            )
+        if len(poor := demos[demos["poor"]]):
+            than = f"{POOR_ABOVE_M:g} of the table's side, the first ({', '.join(poor[KEY].iloc[0])})"
+            notes.append(f"{len(poor)} of {len(demos)} demonstrations are followed less closely than {than}")
         return notes
 
     def _names(self, numbers: Iterable[int]) -> str:
@@ -128,26 +123,23 @@ class Folder:
     @property
     def how_seen(self) -> list[str]:
         """Return sentences on how items are known, and what the empty table from the pictures leaves open."""
-        counts = Counter(self.seen.ways)
-        ways = ", ".join(f"{way}: {count}" for way, count in counts.items())
+        ways = ", ".join(f"{way}: {count}" for way, count in Counter(self.seen.ways).items())
         lines = [f"How the models know what stands on the table, by the number of scenes: {ways}."]
         stack = self.from_pictures
         moved, relit = ([], []) if stack is None else (stack.moved, stack.relit)
-        misfits = {*self.seen.misfits, *moved, *relit}
-        others = misfits - {*moved, *relit}
+        others = set(self.seen.misfits) - {*moved, *relit}
         reasons = {"camera moved": moved, "light changed": relit, "empty table does not fit": others}
         alone = [i for i, way in enumerate(self.seen.ways) if way == ALONE]
         stacked = self.empty is None and self.one_camera and len(self.scenes) >= MIN_PICTURES
-        if alone and stacked and (stack is None or len(misfits) == len(self.scenes)):
+        if alone and stacked and (stack is None or len({*others, *moved, *relit}) == len(self.scenes)):
             lines.append("The pictures do not show one table from one place in one light: each is read alone.")
             reasons = {}
         for why, scenes in reasons.items():
             if names := self._names(i for i in alone if i in scenes):
                 lines.append(f"The {why} in {names}: read by the picture alone.")
         if names := self._names(i for i, doubt in enumerate(self.seen.objects.doubt) if doubt > 1):
-            lines.append(
-                f"The detector is less sure of {names} than in training, and models trust it less: outline items."
-            )
+            less = "than in training, and models trust it less: outline items."
+            lines.append(f"The detector is less sure of {names} {less}")
         if stack is None or (stack.is_useful and STACK not in self.seen.ways):
             return lines
         unsure = f"The pictures disagree about {stack.unsure.mean():.0%} of the empty table"

@@ -93,12 +93,9 @@ class Views(NamedTuple):
 def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
     """Return the told items of each scene that has any source; a scene told to be empty has none."""
     told: dict[str, list[Told]] = {}
-    sources = {ITEMS: _from_csv, COCO: _from_coco, MASKS: _from_masks}
     owner: dict[str, str] = {}
-    for name, read in sources.items():
-        if not (path / name).exists():
-            continue
-        for scene, items in read(path, views, faults).items():
+    for name, read in {ITEMS: _from_csv, COCO: _from_coco, MASKS: _from_masks}.items():
+        for scene, items in (read(path, views, faults) if (path / name).exists() else {}).items():
             if scene in owner:
                 faults.append(f"{name}: items of {scene} stand in {owner[scene]}, too: keep one of them")
             faults += [f"{name}: {fault}" for fault in _faults_of(scene, items, views)]
@@ -126,8 +123,7 @@ def _from_csv(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]
     if items is None:
         return {}
     faults.rows(ITEMS, items[items["radius_m"] <= 0], "radius_m is {radius_m:g}: expected metres above 0")
-    short = items[items["half_length_m"] < 0]
-    faults.rows(ITEMS, short, "half_length_m is {half_length_m:g}: expected metres from 0")
+    faults.rows(ITEMS, items[items["half_length_m"] < 0], "half_length_m is {half_length_m:g}: expected metres from 0")
     far = items[((items[["x", "y"]] < 0) | (items[["x", "y"]] > size)).any(axis=1)]
     metres = f"expected metres from 0 to {size[0]:g} and {size[1]:g}"
     faults.rows(ITEMS, far, f"({{x:g}}, {{y:g}}) is not on the table: {metres}")
@@ -163,18 +159,15 @@ def _from_coco(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
             faults.append(f"{COCO}: the category {kind!r} cannot be printed: rename it")
     told: dict[str, list[Told]] = {scene: [] for scene in scenes.values() if scene in views.sizes}
     for one in coco.annotations:
-        scene, name = scenes.get(one.image_id, ""), f"{COCO}, annotation {one.id}"
-        if scene not in told:
-            if one.image_id not in scenes:
-                faults.append(f"{name}: image {one.image_id} is not listed under images: add it")
-            continue
-        if one.category_id not in kinds:
-            faults.append(f"{name}: category {one.category_id} is not listed under categories: add it")
-            continue
         try:
-            told[scene].append(Told(kinds[one.category_id], _polygons(one, scene, views)))
+            if one.image_id not in scenes:
+                raise InputError(f"image {one.image_id} is not listed under images: add it")
+            if one.category_id not in kinds:
+                raise InputError(f"category {one.category_id} is not listed under categories: add it")
+            if (scene := scenes[one.image_id]) in told:
+                told[scene].append(Told(kinds[one.category_id], _polygons(one, scene, views)))
         except InputError as error:
-            faults.append(f"{name}: {error}")
+            faults.append(f"{COCO}, annotation {one.id}: {error}")
     return told
 
 
@@ -233,17 +226,10 @@ def _rings_in(mask: UInt8[Array, "row column"]) -> list[Float[Array, "point 2"]]
 
 def crosses_itself(ring: Float[Array, "point 2"]) -> bool:
     """Return whether two edges of a closed polygon that are no neighbours cross."""
-    start, stop, n = ring, np.roll(ring, -1, axis=0), len(ring)
-
-    def turn(a: Array, b: Array, c: Array) -> Array:
-        """Return on which side of the line from a to b the point c lies."""
-        (ux, uy), (vx, vy) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
-        return np.sign(ux * vy - uy * vx)
-
-    a, b, c, d = start[:, None], stop[:, None], start[None], stop[None]
-    cross = (turn(a, b, c) * turn(a, b, d) < 0) & (turn(c, d, a) * turn(c, d, b) < 0)
-    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
-    return bool((cross & (apart > 1) & (apart < n - 1)).any())
+    (x, y), (dx, dy) = np.roll(ring, -1, axis=0).T - ring.T, ring.T[:, None] - ring.T[..., None]
+    side = np.sign(x[:, None] * dy - y[:, None] * dx)  # (edge, point); 0 for an edge's own ends
+    parts = side * np.roll(side, -1, axis=1) < 0  # whether the line through an edge has another's ends on two sides
+    return bool((parts & parts.T).any())
 
 
 def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:

@@ -1,7 +1,6 @@
 """Ask what a user reacts to: composite an object into the pictures, and see what the model makes of it.
 
-What the models learned is asked. A verdict is about the user only as far as the models are right. The object casts no
-shadow.
+A verdict is about the user only as far as the models that are asked are right. The object casts no shadow.
 """
 
 from collections.abc import Mapping
@@ -57,7 +56,7 @@ def add_kind(folder: Folder, kind: str) -> Added | None:
     """Return the kind's cut-outs, each at random free places; None if fewer than two scenes have room."""
     rng, side, numbers, images, ends, radii = stream("own", "places", kind), max(folder.frame.size_m), [], [], [], []
     objects, path_ends = folder.seen.objects, ends_of_paths(folder)
-    cutouts = [(cutout, width, footprint(cutout, width)) for cutout, width in folder.cutouts[kind]]
+    cutouts = [(*cutout, footprint(*cutout)) for cutout in folder.cutouts[kind]]
     for turn in range(-(-PLACES // len(folder.scenes))):
         for scene, canvas in enumerate(folder.canvases.values()):
             cutout, width, capsule = cutouts[(turn + scene) % len(cutouts)]
@@ -174,18 +173,16 @@ def effects(fitted: Fitted, added: Mapping[str, Added], folder: Folder) -> pd.Da
             (model.probability(places.seen_with, z).astype(float) - model.probability(places.seen, z)).mean()
             for model in fitted.fold_models
         ]
-        row = {"user": fitted.data.user, "kind": kind, "places": len(z), "effect": change.estimate}
-        row |= dict(zip(("ci_low", "ci_high"), change.interval, strict=True))
-        row |= {"lowest": min(others), "highest": max(others), "verdict": change.verdict, "p_holm": change.p}
-        rows.append(row)
-    table = pd.DataFrame(rows)
+        numbers = len(z), change.estimate, *change.interval, min(others), max(others)
+        rows.append((fitted.data.user, kind, *numbers, change.verdict, change.p))
+    names = ["user", "kind", "places", "effect", "ci_low", "ci_high", "lowest", "highest", "verdict", "p_holm"]
+    table = pd.DataFrame(rows, columns=names)
     table["p_holm"] = holm(table["p_holm"].to_numpy())
-    agree = np.where(table["effect"] < 0, table["highest"] < -SMALLEST_EFFECT, table["lowest"] > SMALLEST_EFFECT)
+    above, below = table["lowest"] > SMALLEST_EFFECT, table["highest"] < -SMALLEST_EFFECT
+    effect = (table["verdict"] == "effect") & np.where(table["effect"] < 0, below, above) & (table["p_holm"] < LEVEL)
     none = (table["lowest"] > -SMALLEST_EFFECT) & (table["highest"] < SMALLEST_EFFECT)
-    certain = {"effect": agree & (table["p_holm"] < LEVEL), "negligible": none}
-    holds = np.any([(table["verdict"] == verdict) & condition for verdict, condition in certain.items()], axis=0)
-    table["verdict"] = table["verdict"].where(holds, "undecided")
-    return table
+    holds = effect | (table["verdict"] == "negligible") & none
+    return table.assign(verdict=table["verdict"].where(holds, "undecided"))
 
 
 def by_detector(fitted: Fitted, added: Mapping[str, Added], folder: Folder) -> pd.DataFrame:
@@ -217,17 +214,16 @@ def envelopes(fitted: Fitted, added: Mapping[str, Added], folder: Folder, table:
 
     table: of `effects`. radius_m, ci_low, ci_high (95 % over scenes, both those asked and those fitted to), scenes. A
     kind without enough paths at its outline is left out. Each fold model lacks one of K groups of scenes. Deviations
-    between models are multiplied by K - 1, so that their standard error is the jackknife's over groups of scenes
-    (Tukey, 1958).
+    between models are multiplied by K - 1: their standard error is the jackknife's over those groups (Tukey, 1958).
     """
     rows, objects = [], folder.seen.objects
     candidates = random_paths(stream("own", "candidates"), folder, len(folder.scenes), CANDIDATES, COARSE_POINTS)
     others = capsules(objects.ends, objects.radius, objects.present)
-    to_others, doses = _clearance(others, candidates).min(-1), dose_grid(STEP_M, DOSES)
+    to_others, doses = line_clearance(others, candidates).min(-1), dose_grid(STEP_M, DOSES)
     avoided = (table["user"] == fitted.data.user) & (table["verdict"] == "effect") & (table["effect"] < 0)
     for kind in table.loc[avoided, "kind"]:
         places = added[kind]
-        to_added = _clearance(places.footprint, candidates[places.scene])[..., 0]
+        to_added = line_clearance(places.footprint, candidates[places.scene])[..., 0]
         chosen = path_at_doses(to_added, to_others[places.scene], doses, CLEAR_OF_OTHERS_M)  # (row, dose)
         paths = np.take_along_axis(candidates[places.scene], np.maximum(chosen, 0)[..., None, None], axis=1)
         falls = [
@@ -243,11 +239,6 @@ def envelopes(fitted: Fitted, added: Mapping[str, Added], folder: Folder, table:
             distances = [value / folder.frame.scale for value in radius(response[..., :count], doses[:count])]
             rows.append((fitted.data.user, kind, *distances, int((~np.isnan(response[0, :, 0])).sum())))
     return pd.DataFrame(rows, columns=["user", "kind", "radius_m", "ci_low", "ci_high", "scenes"])
-
-
-def _clearance(layouts: Layouts, paths: Float[Array, "row path point 2"]) -> Float[Array, "row path slot"]:
-    """Return the clearance [m] of paths from each capsule, a row at a time to save memory."""
-    return np.concatenate([line_clearance(layouts[[i]], paths[[i]]) for i in range(len(paths))])
 
 
 def random_paths(

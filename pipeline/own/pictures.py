@@ -25,10 +25,7 @@ def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
 
 
 def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
-    """Return a cut-out as RGBA with straight alpha.
-
-    Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
-    """
+    """Return a cut-out as RGBA, straight alpha; InputError as `read_picture`, or if all is invisible or opaque."""
     pixels = _eight_bits(decoded(path, name, cv2.IMREAD_UNCHANGED), name)
     if pixels.ndim != 3 or pixels.shape[2] != 4:
         raise InputError(f"{name} has no transparent background: expected an RGBA png; cut the object out")
@@ -40,10 +37,7 @@ def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
 
 
 def decoded(path: Path, name: str, flag: int) -> Array:
-    """Return the pixels as OpenCV gives them; their number is checked before they are decoded.
-
-    Raise InputError as `read_picture`.
-    """
+    """Return the pixels as OpenCV gives them, counted before they are decoded; InputError as `read_picture`."""
     try:
         width, height = image_size(path)
     except InputError as error:

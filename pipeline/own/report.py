@@ -1,6 +1,5 @@
 """Write the report of a folder: page, figures, tables, metrics; all of it or nothing."""
 
-import re
 import shutil
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pandas as pd
 
 from pipeline.artifacts.files import write_json, write_table
 from pipeline.own import figures
+from pipeline.own.curves import CONTROLS
 from pipeline.own.export import write_exports
 from pipeline.own.frame import Frame
 from pipeline.own.results import Results
@@ -60,5 +60,4 @@ def write_report(results: Results, out_dir: Path) -> None:
 
 def on_the_table(table: pd.DataFrame, frame: Frame) -> pd.DataFrame:
     """Return a table whose control points, if it has any, are in metres on the table, not the model's."""
-    columns = [name for name in table if re.fullmatch(r"c\d_[xy]", str(name))]
-    return table.assign(**{name: table[name] / frame.scale for name in columns})
+    return table.assign(**(table.filter(regex=CONTROLS) / frame.scale))

@@ -145,8 +145,7 @@ def suggest(
 ) -> list[tuple[str, Float[Array, "point 2"]]]:
     """Return the kind and the outline of each object that the detector finds in a scene.
 
-    The kind is that of the items in `told` that look most like it. All outlines are in shares of the table's longer
-    side.
+    The kind is that of the items in `told` that look most like it. Outlines: in shares of the table's longer side.
     """
     frame = Frame((1.0, 1.0))
     known = [_described(frame.image(canvases[name]), items, frame) for name, items in told.items()]
