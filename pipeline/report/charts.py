@@ -121,22 +121,11 @@ class _Chart:
     """Hold what both kinds of chart share: rows, panels, series, labels and legend."""
 
     def __init__(
-        self,
-        data: Any,
-        table: Table,
-        y: Names,
-        low: Names = "",
-        high: Names = "",
-        panel: Names = "",
-        hue: str = "",
-        where: Mapping[str, Any] | None = None,
-        words: Mapping[str, Words] | None = None,
-        titles: Mapping[str, str] | None = None,
-        gaps: Collection[str] = (),
-        xlabel: str = "",
-        ylabel: str = "",
+        self, data: Any, table: Table, y: Names, low: Names = "", high: Names = "", panel: Names = "", hue: str = "",
+        where: Mapping[str, Any] | None = None, words: Mapping[str, Words] | None = None,
+        titles: Mapping[str, str] | None = None, gaps: Collection[str] = (), xlabel: str = "", ylabel: str = "",
         **others: Any,
-    ):
+    ):  # fmt: skip
         self.frame = frame = chosen(data, table, where)
         self.words, self.titles, self.hue, self.others = words or {}, titles or {}, hue, others
         self.xlabel, self.ylabel, self.drawn = xlabel, ylabel, list[Axes]()

@@ -126,10 +126,9 @@ def as_latex(table: pd.DataFrame) -> str:
 
 def main(form: str) -> None:
     """Write README.md, or tables/bold.tex and .md, from reports/."""
-    texts = {}
     if form == "readme":
-        texts[README] = fill(README.read_text(encoding="utf-8"), contents(ROOT))
-    if form == "tables":
+        texts = {README: fill(README.read_text(encoding="utf-8"), contents(ROOT))}
+    else:
         bold = read_table(REPORTS / "tables" / "bold.csv")
         texts = {Path("tables/bold.tex"): as_latex(bold), Path("tables/bold.md"): f"{as_markdown(bold)}\n\n{NOTES}\n"}
     for path, text in texts.items():

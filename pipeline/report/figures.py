@@ -57,7 +57,9 @@ def overview(results: Results) -> Figure:
             panel.set_title(f"{style.label(variant)}: {np.mean((by_user[user][place] > 0.5) == truth):.0%}")
         draw_table(line[-2], drawn.patterned[place])
         line[-2].set_title(f"The same on {results.facts['patterned_top']}")
-    _name_repairs(figure, shown)
+    handles = [Line2D([], [], color=style.START, linewidth=3, linestyle="--", label="start")]
+    handles += [Line2D([], [], color=style.colour(v), linewidth=3, label=style.label(v)) for v in shown]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
 
 
@@ -142,13 +144,6 @@ def _draw_repairs(axes: Axes, traces: Mapping[str, Array]) -> None:
         draw_path(axes, points[-1], style.colour(variant), 2.5 * (len(traces) - i + 1), **rim)
     for points in list(traces.values())[:1]:
         draw_path(axes, points[0], style.START, linestyle=(0, (3, 1.5)))
-
-
-def _name_repairs(figure: Figure, variants: list[str], *more: Line2D) -> None:
-    """Add the legend of `_draw_repairs`, and more."""
-    handles = [Line2D([], [], color=style.START, linewidth=3, linestyle="--", label="start")]
-    handles += [Line2D([], [], color=style.colour(v), linewidth=3, label=style.label(v)) for v in variants]
-    figure.legend(handles=[*handles, *more], loc="outside lower center", ncols=len(handles) + len(more))
 
 
 def one_scene(results: Results) -> Figure:

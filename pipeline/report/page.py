@@ -41,11 +41,8 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
     made = Environment(loader=FileSystemLoader([*folders, FOLDER]), undefined=StrictUndefined, autoescape=True)
     made.trim_blocks = made.lstrip_blocks = True
     made.globals |= FORMATS | {"formats": FORMATS, "label": style.label, "in_brackets": in_brackets, "hidden": HIDDEN}
-    made.globals |= {
-        "headings": headings,
-        "seeds_in_words": seeds_in_words,
-        "heading": lambda name: style.label(name).capitalize(),
-    } | names
+    made.globals |= {"heading": lambda name: style.label(name).capitalize(), "headings": headings}
+    made.globals |= {"seeds_in_words": seeds_in_words} | names
     return made
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.report.tables import check_finite, checked, chosen, lookup, named
@@ -44,6 +45,13 @@ class Data:
         Raise InputError if no row or several match, or if the number is missing or not finite.
         """
         return lookup(self.table(table), self.source(table), column, **where)
+
+
+def of_parameters(cfg: DictConfig) -> dict[str, Any]:
+    """Return the fields of `Data` that are parameters."""
+    fields = {"variants": list(cfg.variants), "users": {user: dict(margins) for user, margins in cfg.users.items()}}
+    fields |= {"judged_users": list(cfg.evaluate.users), "seeds": list(cfg.protocol.seeds)}
+    return fields | {"main_n_demos": cfg.main_n_demos}
 
 
 @dataclass(frozen=True, kw_only=True)

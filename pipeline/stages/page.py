@@ -11,7 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.launch import load
 from pipeline.report.page import Site, environment, provenance, render_page, write_files, write_provenance
-from pipeline.report.study import Study
+from pipeline.report.study import Study, of_parameters
 from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import PARAMS
 
@@ -38,17 +38,9 @@ def read_study(cfg: DictConfig, name: str) -> Study:
     if name not in cfg.studies:
         raise InputError(f"{PARAMS} has no studies.{name}: run `python -m pipeline.params`")
     settings: Any = OmegaConf.to_container(cfg.studies[name], resolve=True)
-    return Study(
-        name=name,
-        folder=Path(cfg.paths.studies) / name,
-        settings=settings,
-        variants=list(cfg.variants),
-        users={user: dict(margins) for user, margins in cfg.users.items()},
-        judged_users=list(cfg.evaluate.users),
-        seeds=list(cfg.protocol.seeds),
-        main_n_demos=cfg.main_n_demos,
-        facts=provenance(cfg) | {"settings": OmegaConf.to_yaml(cfg.studies[name]), "studies": [name]},
-    )
+    facts = provenance(cfg) | {"settings": OmegaConf.to_yaml(cfg.studies[name]), "studies": [name]}
+    folder = Path(cfg.paths.studies) / name
+    return Study(name=name, folder=folder, settings=settings, facts=facts, **of_parameters(cfg))
 
 
 def render(study: Study, folder: Path) -> Site:

@@ -21,7 +21,7 @@ from pipeline.report.derived import by_slice, describe
 from pipeline.report.page import FOLDER, Site, provenance, write_files, write_provenance
 from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results
-from pipeline.report.study import Source
+from pipeline.report.study import Source, of_parameters
 from pipeline.runtime.settings import Count, Group
 from pipeline.runtime.writing import atomic_write
 from pipeline.world.bezier import lattice
@@ -65,12 +65,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     tables["slices"] = by_slice(tables["judged"])
     tables |= {name: read_table(DECISIONS / file) for name, file in HISTORY.items()}
     results = Results(
-        variants=list(cfg.variants),
-        users={user: dict(margins) for user, margins in cfg.users.items()},
-        judged_users=list(cfg.evaluate.users),
-        seeds=list(cfg.protocol.seeds),
+        **of_parameters(cfg),
         n_demos=list(cfg.n_demos),
-        main_n_demos=cfg.main_n_demos,
         shown=compared(cfg),
         tables=tables,
         paths=read_arrays(Path(cfg.paths.repair) / "paths.npz"),

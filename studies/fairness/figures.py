@@ -1,0 +1,1 @@
+"""Draw nothing: the page consists of tables and charts of its template."""

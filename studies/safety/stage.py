@@ -6,9 +6,7 @@ and calibrates it in the others; the fixed threshold, P(valid) > 1/2, uses a mod
 paths of a split are the candidates of one selection; a model that accepts none has an invalid share of 0.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -205,7 +203,12 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
     fitted = [np.sort(drawn[: study.fitted]) for drawn in draws]
     parts = zip(complete, fitted, strict=True)
     some = [replace(x, images=x.images[i], z_theta=x.z_theta[i], valid=x.valid[i]) for x, i in parts]
-    predict = partial(predict_demos_and_paths, {(x.user, x.seed): x for x in complete}, images, z_theta)
+    demos = {(x.user, x.seed): x for x in complete}
+
+    def predict(model: ValidityModel, fitted_to: TrainingSet) -> tuple[Array, Array]:
+        shown = demos[fitted_to.user, fitted_to.seed]
+        return model.probability(shown.images, shown.z_theta), model.probability(images, z_theta)
+
     answers = refit(cfg, dict.fromkeys(study.variants, some + complete), predict, "accept")
     prior = read_position_prior(Path(cfg.paths.scenes))
     blind = [(position_only(prior[x.user], x.z_theta), position_only(prior[x.user], z_theta)) for x in complete]
@@ -238,18 +241,6 @@ def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "levels.csv", table.drop(columns=["power", "above", "models"]))
     table = pd.concat(by_user, names=KEY).reset_index(KEY)
     write_table(out_dir / "acceptance.csv", table.drop(columns="level"))
-
-
-def predict_demos_and_paths(
-    complete: Mapping[tuple, TrainingSet],
-    images: Array,
-    z_theta: Array,
-    model: ValidityModel,
-    training_set: TrainingSet,
-) -> tuple[Float[Array, "training demo"], Float[Array, "scene path"]]:
-    """Return P(valid) of all demonstrations of the model's user and seed, and of the query paths."""
-    demos = complete[training_set.user, training_set.seed]
-    return model.probability(demos.images, demos.z_theta), model.probability(images, z_theta)
 
 
 def outcomes(
