@@ -7,13 +7,18 @@ name, not on its folder's. Text is UTF-8, whatever the caller's locale.
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from pipeline.runtime.errors import InputError, reported
+from pipeline.runtime.places import ROOT
 
+# of a clone, whatever the person's configuration says: git's bytes, all files, no hooks, no key
+CONFIG = "core.autocrlf=false", "core.excludesFile=/dev/null", "core.hooksPath=/dev/null", "commit.gpgSign=false"
 IN_HOOKS = "GIT_QUARANTINE_PATH", "GIT_PROTOCOL_FROM_USER"  # of pushes and submodules: unlisted, they forbid clones
 
 
@@ -44,10 +49,9 @@ def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
 def run(
     command: Sequence[str], folder: Path, env: Mapping[str, str] | None = None, **options: Any
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command in `folder`, the root of a repository, with these variables changed; return it when it has ended.
+    """Run a command in `folder`, a repository's root, by subprocess.run with these variables changed and `options`.
 
-    Git does not search the folders above: a download may be unpacked in another repository. `options`: of
-    subprocess.run.
+    Git does not search the folders above: a download may be unpacked in another repository.
     """
     changed = {"GIT_CEILING_DIRECTORIES": str(folder.absolute().parent)} | dict(env or {})
     return subprocess.run(command, cwd=folder, env=environment(changed), encoding="utf-8", errors="replace", **options)
@@ -69,3 +73,39 @@ def _said(command: list[str], folder: Path) -> str:
         message = " ".join((ended.stderr or ended.stdout).split())[-400:]
         raise InputError(f"`{' '.join(command[:3])}` failed: {message}")
     return ended.stdout
+
+
+@contextmanager
+def checked_out(revision: str) -> Iterator[Path]:
+    """Yield a temporary clone of the repository at a commit, without data. Raise InputError if git cannot make it."""
+    commit = resolve(revision)
+    with tempfile.TemporaryDirectory(prefix="audit-") as folder:
+        yield make_clone(ROOT, commit, Path(folder) / "clone")
+
+
+def make_clone(root: Path, commit: str, clone: Path, left_out: Sequence[str] = ()) -> Path:
+    """Check out a commit of the repository `root`, but for the folders `left_out`, in `clone`; return that folder."""
+    listed = git(root, "rev-list", "--objects", "--no-walk", "--missing=print", commit)
+    if lacking := [line[1:] for line in listed.splitlines() if line.startswith("?")]:
+        # a filter (`--filter=blob:none`) left these files out, and the clone's `git checkout` would do so, too
+        key = git(root, "config", "--name-only", "--get-regexp", r"^remote\..*\.promisor$").split()[0]
+        quietly = ["--quiet", "--no-tags", "--no-write-fetch-head", "--filter=blob:none"]
+        git(root, "fetch", *quietly, key.removeprefix("remote.").removesuffix(".promisor"), *lacking)
+    config = [word for setting in CONFIG for word in ("--config", setting)]
+    git(root, "clone", "--quiet", "--shared", "--no-checkout", *config, str(root), str(clone))
+    # a shallow repository's clone shares no objects, and has branches alone
+    git(clone, "-c", "protocol.version=2", "fetch", "--quiet", str(root), commit)
+    if left_out:
+        git(clone, "sparse-checkout", "set", "--no-cone", "/*", *(f"!/{folder}/" for folder in left_out))
+    git(clone, "checkout", "--quiet", "--detach", commit)
+    return clone
+
+
+def resolve(revision: str) -> str:
+    """Return a commit's full hash; raise InputError if git does not know it or refuses to look."""
+    found = run(["git", "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"], ROOT, capture_output=True)
+    if found.returncode:
+        advice = "`git log --oneline` lists what this clone has; if it is shallow, `git fetch --unshallow` brings more"
+        why = " ".join(found.stderr.split()) or f"it is unknown: {advice}"
+        raise InputError(f"commit {revision!r}: {why}")
+    return found.stdout.strip()

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.audit.revision import make_clone
-from pipeline.git import environment, forget_repository, git, run
+from pipeline.git import environment, forget_repository, git, make_clone, run
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import ROOT
 from pipeline.sweep.job import snapshot

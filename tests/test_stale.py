@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.audit.revision import checked_out
-from pipeline.git import dvc
+from pipeline.git import checked_out, dvc
 from pipeline.runtime.errors import InputError
 
 pytestmark = pytest.mark.slow

@@ -17,14 +17,13 @@ import sys
 from pipeline.audit.consistency import audit
 from pipeline.audit.difference import Commit, Difference, compare
 from pipeline.audit.rerun import outputs, run
-from pipeline.audit.revision import checked_out, resolve
 from pipeline.audit.text import headlines_ran, of_audit, of_difference, of_rerun
-from pipeline.git import forget_repository, git
-from pipeline.runtime.errors import InputError
+from pipeline.git import checked_out, forget_repository, git, resolve
+from pipeline.runtime.errors import InputError, reported
 
 
 def main(arguments: list[str]) -> int:
-    """Run an audit from the command line; return the exit status."""
+    """Run an audit from the command line; return the exit status. Raise InputError for a mistake in use."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.audit", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("revision", nargs="*", default=["HEAD"], help="one commit to audit, or two to compare")
@@ -32,34 +31,27 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--profile", help="of the rerun, such as smoke: run twice, or two commits, and compare")
     given = parser.parse_args(arguments)
     first, last = given.revision[0], given.revision[-1]
-    try:
-        if len(given.revision) > (2 if given.rerun is None or given.profile else 1):
-            raise InputError(f"{len(given.revision)} commits: expected one to audit or to run again, or two to compare")
-        if given.profile and given.rerun is None:
-            raise InputError(f"--profile {given.profile} wants --rerun: results in git are those of profile paper")
-        for revision in given.revision:
-            resolve(revision)  # refuse an unknown one before any work
-        if given.rerun is not None:
-            text, wrong = _rerun(first, last, given.rerun, given.profile)
-        elif len(given.revision) == 2:
-            difference = compare(Commit(first), Commit(last))
-            text, wrong = of_difference(first, last, difference), _is_worse(difference)
-        else:
-            with checked_out(first) as clone:
-                checks = audit(clone)
-            text, wrong = of_audit(first, checks), any(check.faults for check in checks)
-        print(text, end="")
-    except (InputError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    if len(given.revision) > (2 if given.rerun is None or given.profile else 1):
+        raise InputError(f"{len(given.revision)} commits: expected one to audit or to run again, or two to compare")
+    if given.profile and given.rerun is None:
+        raise InputError(f"--profile {given.profile} wants --rerun: results in git are those of profile paper")
+    for revision in given.revision:
+        resolve(revision)  # refuse an unknown one before any work
+    if given.rerun is not None:
+        text, wrong = _rerun(first, last, given.rerun, given.profile)
+    elif len(given.revision) == 2:
+        difference = compare(Commit(first), Commit(last))
+        text, wrong = of_difference(first, last, difference), _is_worse(difference)
+    else:
+        with checked_out(first) as clone:
+            checks = audit(clone)
+        text, wrong = of_audit(first, checks), any(check.faults for check in checks)
+    print(text, end="")
     return int(wrong)
 
 
 def _rerun(before: str, after: str, stages: list[str], profile: str | None) -> tuple[str, bool]:
-    """Run a commit's stages again and compare with its results; with a profile, run both commits and compare these.
-
-    Return the answer as Markdown, and whether something is wrong or worse.
-    """
+    """Run a commit's stages again and compare with its results; with a profile, run both commits and compare these."""
     with checked_out(before) as first, checked_out(after) as second:
         known = run(first, stages, profile) if profile else outputs(first)
         same = {output: known.get(output) == md5 for output, md5 in run(second, stages, profile).items()}
@@ -80,4 +72,5 @@ def _is_worse(d: Difference) -> bool:
 
 if __name__ == "__main__":
     forget_repository()
-    sys.exit(main(sys.argv[1:]))
+    with reported(OSError):
+        sys.exit(main(sys.argv[1:]))

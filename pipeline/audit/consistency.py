@@ -35,7 +35,7 @@ class Checked:
 
 
 def audit(clone: Path) -> list[Checked]:
-    """Return every check of a commit in its clone (`pipeline.audit.revision.checked_out`)."""
+    """Return every check of a commit in its clone (`pipeline.git.checked_out`)."""
     locks, status = read_locks(clone), json.loads(dvc(clone, "status", "--json"))
     status = {stage: entries for stage, entries in status.items() if ".dvc" not in stage}  # stage -> what changed
     by_status = stages(clone, locks, status), parameters(clone), outputs(clone, locks, status)
@@ -115,8 +115,7 @@ def _changes(clone: Path, status: dict[str, list], kind: str) -> list[Fault]:
 def provenance(clone: Path, locks: dict[str, dict]) -> Checked:
     """Check that the files which a page's tables were made of are those that the locks name.
 
-    For a folder, a lock names only the list of its files, which lies in DVC's cache. Where the list is lacking, the
-    folder's files are unchecked.
+    A lock names only the list of a folder's files, which lies in DVC's cache; without it they are unchecked.
     """
     made, unlisted = {}, set()
     cache = Path(dvc(ROOT, "cache", "dir").strip())

@@ -18,8 +18,6 @@ from pipeline.runtime.places import PROCESSORS, ROOT
 from pipeline.runtime.reading import parse_csv
 from pipeline.stats.tests import LEVEL, MIN_PAIRS, holm
 
-LOCKS = "requirements.lock"
-DATA = re.compile(r"md5: (\S+)")
 METRICS = "reports/metrics.json"
 CLAIM = "claims."
 SEEDS = "reports/tables/seeds.csv"  # headline, seed, value
@@ -72,28 +70,24 @@ def compare(before: Commit, after: Commit) -> Difference:
             x, y = (float(value) if isinstance(value, int | float) else None for value in values)
             if x != y:
                 numbers.append((name, x, y, None if x is None or y is None else y - x))
-    pinned, pinned_now = (commit.file(LOCKS).splitlines() for commit in (before, after))
+    pinned, pinned_now = (commit.file("requirements.lock").splitlines() for commit in (before, after))
     packages = difflib.unified_diff(pinned, pinned_now, lineterm="", n=0)
     seeds = [commit.file(SEEDS) for commit in (before, after)]
-    tracked = git(after.repository, "ls-tree", "-r", "--name-only", after.revision).splitlines()
-    data = {path: [DATA.findall(x.file(path)) for x in (before, after)] for path in tracked if path.endswith(".dvc")}
+    data = "diff", "--name-only", "-Gmd5: ", before.revision, after.revision, "--", "*.dvc"
     return Difference(
         claims=claims,
         headlines=sorted(numbers, key=lambda line: line[3] is None),  # numbers that only one of them has come last
         parameters=[(n, was.get(n), now.get(n)) for n in sorted({*was, *now}) if was.get(n) != now.get(n)],
         packages=[line for line in packages if re.match(r"[+-]\w", line)],
-        data=[path for path, (old_md5, new_md5) in data.items() if old_md5 != new_md5],
+        data=git(after.repository, *data).splitlines(),
         processors=_processors(before, after),
         by_seed=paired(*(parse_csv(text, ("headline",)) for text in seeds)) if all(seeds) else pd.DataFrame(),
     )
 
 
-def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
+def flat(tree: Any) -> dict[str, Any]:
     """Return a nested mapping as one of dotted names."""
-    if not isinstance(tree, dict):
-        return {prefix: tree}
-    parts = [flat(part, f"{prefix}.{key}".lstrip(".")) for key, part in tree.items()]
-    return {name: value for part in parts for name, value in part.items()}
+    return pd.json_normalize([tree]).to_dict("records")[0]
 
 
 def _parameters(commit: Commit) -> dict[str, Any]:

@@ -56,6 +56,6 @@ def outputs(clone: Path) -> Hashes:
     stages = {name: lock for name, lock in read_locks(clone).items() if not name.startswith("studies/")}
     outs = ((name, out) for name, lock in stages.items() for out in lock.get("outs", []))
     hashes = {(name, out["path"]): out["md5"] for name, out in outs if out["path"] != RECORDINGS}
-    table = f"{RECORDINGS}/recordings.csv"
-    kept = [("record", table)] if (clone / table).is_file() else []
-    return hashes | {key: hashlib.md5((clone / table).read_bytes()).hexdigest() for key in kept}
+    if (table := clone / RECORDINGS / "recordings.csv").is_file():
+        hashes["record", f"{RECORDINGS}/recordings.csv"] = hashlib.md5(table.read_bytes()).hexdigest()
+    return hashes

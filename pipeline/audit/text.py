@@ -50,10 +50,7 @@ def headlines_ran(outputs: Iterable[tuple[str, str]]) -> bool:
 
 
 def of_difference(before: str, after: str, d: Difference) -> str:
-    """Return what differs between two commits: claims first, then headlines, then their possible causes.
-
-    It begins with how many claims changed their verdict, and how many headlines have each word.
-    """
+    """Return what differs between two commits: first counts of claims and headlines, last their possible causes."""
     sections = _differences(d)
     counts = d.by_seed["word"].value_counts() if len(d.by_seed) else {}
     words = ", ".join(f"{counts[word]} {word}" for word in WORDS if word in counts) or "no headlines by seed"

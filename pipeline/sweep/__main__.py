@@ -20,7 +20,7 @@ from filelock import FileLock, Timeout
 
 from pipeline.artifacts.files import read_json, write_json
 from pipeline.git import dvc, forget_repository, git
-from pipeline.runtime.errors import InputError, replace_unprintable
+from pipeline.runtime.errors import InputError, reported
 from pipeline.runtime.places import ROOT
 from pipeline.sweep.job import Sweep, snapshot
 from pipeline.sweep.plan import launch, make_plan
@@ -28,19 +28,9 @@ from pipeline.sweep.summary import read_jobs, write_summary
 
 
 def main(argv: list[str]) -> int:
-    """Run or summarise a sweep; return 0, 1 if a job failed, 2 for a mistake in use, 130 after Ctrl-C."""
-    replace_unprintable()
-    try:
-        return _summarise(Path(argv[1]).resolve()) if argv[:1] == ["summary"] and argv[1:] else _sweep(argv)
-    except (InputError, OSError) as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: `--resume FOLDER` runs the others", file=sys.stderr)
-        return 130
-
-
-def _sweep(argv: list[str]) -> int:
+    """Run or summarise a sweep; return 0, or 1 if a job failed. Raise InputError for a mistake in use."""
+    if argv[:1] == ["summary"] and argv[1:]:
+        return _summarise(Path(argv[1]).resolve())
     parser = argparse.ArgumentParser(prog="python -m pipeline.sweep", description=__doc__, allow_abbrev=False)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--multirun", "-m", action="store_true", help="start a sweep")
@@ -115,4 +105,9 @@ def _summarise(folder: Path) -> int:
 
 if __name__ == "__main__":
     forget_repository()
-    sys.exit(main(sys.argv[1:]))
+    try:
+        with reported(OSError):
+            sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        print("interrupted: `--resume FOLDER` runs the others", file=sys.stderr)
+        sys.exit(130)

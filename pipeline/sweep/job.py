@@ -22,8 +22,7 @@ from configobj import ConfigObj
 
 from pipeline.artifacts.files import read_json, read_table, write_json, write_table
 from pipeline.artifacts.headlines import headlines
-from pipeline.audit.revision import make_clone
-from pipeline.git import environment, git
+from pipeline.git import environment, git, make_clone
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError
 

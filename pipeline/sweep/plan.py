@@ -130,7 +130,5 @@ def launch(sweep: Sweep, plan: Plan) -> None:
     except Exception as error:  # such as a Ray that does not start; jobs' own failures are in their job.json
         if plan.jobs is None and "No trials are completed" in str(error):
             return  # all jobs failed, and the summary says why
-        why = f"{type(error).__name__}: {error}"
-        raise InputError(
-            f"the launcher failed ({why}): `--resume {shlex.quote(str(sweep.folder))}` runs what is missing"
-        ) from error
+        why, resume = f"{type(error).__name__}: {error}", f"--resume {shlex.quote(str(sweep.folder))}"
+        raise InputError(f"the launcher failed ({why}): `{resume}` runs what is missing") from error

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.audit import consistency
 from pipeline.audit.__main__ import main
-from pipeline.audit.revision import checked_out
+from pipeline.git import checked_out
 from pipeline.runtime.errors import InputError
 
 
@@ -62,8 +62,8 @@ def test_a_page_s_file_is_compared_with_the_lock_or_with_a_folder_s_list_and_unc
         assert len(consistency.provenance(tmp_path, locks).faults) == faults
 
 
-def test_an_unknown_commit_and_one_without_results_are_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path):
-    assert main(["nothing-of-that-name"]) == 2
-    assert "is unknown: `git log --oneline`" in capsys.readouterr().err
+def test_an_unknown_commit_and_one_without_results_are_refused(tmp_path: Path):
+    with pytest.raises(InputError, match="is unknown: `git log --oneline`"):
+        main(["nothing-of-that-name"])
     with pytest.raises(InputError, match="so no results"):
         consistency.audit(tmp_path)

@@ -5,9 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pipeline.audit.revision import make_clone
 from pipeline.git import environment as without_repository
-from pipeline.git import run
+from pipeline.git import make_clone, run
 from pipeline.runtime.places import ROOT
 from pipeline.sweep.job import snapshot
 

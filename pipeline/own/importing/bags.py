@@ -23,9 +23,7 @@ from pipeline.world.images import JPEG_SIGNATURE, PNG_SIGNATURE
 PATH, TF = "nav_msgs/msg/Path", "tf2_msgs/msg/TFMessage"
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped", "nav_msgs/msg/Odometry", PATH)
 PICTURES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
-BAYER = {
-    f"bayer_{cells}8": getattr(cv2, f"COLOR_Bayer{cells.upper()}2BGR") for cells in ("rggb", "bggr", "gbrg", "grbg")
-}
+BAYER = {f"bayer_{c}8": getattr(cv2, f"COLOR_Bayer{c.upper()}2BGR") for c in ("rggb", "bggr", "gbrg", "grbg")}
 CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC3": 3, "8UC1": 1, **dict.fromkeys(BAYER, 1)}
 TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "rgba8": cv2.COLOR_RGBA2BGR, "bgra8": cv2.COLOR_BGRA2BGR, **BAYER}
 BEFORE_NS = [10**9, 10**10, 10**11, 2**62]  # how far back a demonstration's picture is looked for, step by step
@@ -96,13 +94,11 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     why = f", or before the first transform to {table}" if table else ""
     notes = [f"{lost} poses were left out: no numbers{why}"] if lost else []
     topic, picture = (connections[0].topic if connections else None for connections in (poses, cameras))
-    frame = choices.frame or next(iter(frames))
-    found = {"topic": topic, "picture": picture, "frame": frame, "unit": choices.unit}
-    widest = max(float(np.ptp(np.reshape(track, (-1, 5))[:, 1:3], axis=0).max()) for track in tracks if track)
-    if widest <= SPANS_M[1]:  # metres, as ROS prescribes; others publish millimetres
-        found["unit"] = found["unit"] or "m"
-    choices, recordings, whole = choices.model_copy(update=found), [], bool(topic) and poses[0].msgtype == PATH
     parts = [np.array(track).reshape(-1, 5) for track in tracks if track]
+    widest = max(float(np.ptp(samples[:, 1:3], axis=0).max()) for samples in parts)
+    unit = choices.unit or ("m" if widest <= SPANS_M[1] else None)  # as ROS prescribes; others publish millimetres
+    found = {"topic": topic, "picture": picture, "frame": choices.frame or next(iter(frames)), "unit": unit}
+    choices, recordings, whole = choices.model_copy(update=found), [], bool(topic) and poses[0].msgtype == PATH
     for samples, after in zip(parts, [*parts[1:], np.full((1, 5), np.inf)], strict=True):
         if whole and not np.ptp(samples[:, 0]):
             samples[:, 0] = np.arange(len(samples)) * PLAN_STEP_S

@@ -102,8 +102,8 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     if not any(len(one.t) for one in recordings.values()) and lost:
         raise InputError(f"{path} has no row with a time and a position: choose others by --columns")
     notes = [f"{lost} rows without a position were left out"] if lost else []
-    found = {"columns": columns, "picture": camera}
-    return [one for one in recordings.values() if len(one.t)], choices.model_copy(update=found), notes
+    choices = choices.model_copy(update={"columns": columns, "picture": camera})
+    return [one for one in recordings.values() if len(one.t)], choices, notes
 
 
 def _names(key: str, feature: Feature) -> list[str]:
@@ -147,8 +147,8 @@ def _videos(path: Path, info: Info, camera: str) -> dict[int, tuple[Path, float]
         raise InputError(f"{path}/meta/info.json: video_path: Field required for the camera {camera}: copy it again")
     if info.codebase_version.startswith("v2."):
         for i in range(info.total_episodes):
-            file = template.format(episode_chunk=i // info.chunks_size, video_key=camera, episode_index=i)
-            videos[i] = path / file, 0.0
+            place = template.format(video_key=camera, episode_chunk=i // info.chunks_size, episode_index=i)
+            videos[i] = path / place, 0.0
     keys = [f"videos/{camera}/{name}" for name in ("chunk_index", "file_index", "from_timestamp")]
     for file in sorted(path.glob("meta/episodes/*/*.parquet")):
         table = _parquet(file, ["episode_index", *keys])

@@ -22,9 +22,8 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.images import PNG_SIGNATURE, image_size
 
 BAGS, TEXTS = (".mcap", ".db3", ".bag"), (".csv", ".tsv", ".txt")
-ACCEPTED = ("true", "yes", "good", "valid", "1", "1.0")  # words of labels
-REJECTED = ("false", "no", "bad", "invalid", "0", "0.0")
-VALID: dict[str, str] = {"": ""} | dict.fromkeys(ACCEPTED, "true") | dict.fromkeys(REJECTED, "false")
+VALID: dict[str, str] = {"": ""} | dict.fromkeys(("true", "yes", "good", "valid", "1", "1.0"), "true")  # of labels
+VALID |= dict.fromkeys(("false", "no", "bad", "invalid", "0", "0.0"), "false")
 HEADER = "# docs/own-tables.md says what each line is, docs/import.md what stands below `import`.\n"
 Read = Callable[[Path, Choices], tuple[list[Recording], Choices, list[str]]]
 
@@ -171,13 +170,11 @@ def _write(
                 tidy = re.sub(r"[^\w.-]+", "-", files.normal(base)).strip("-.")
                 labels = {"scene": tidy, "user": user} | recording.labels
                 scene = labels["scene"]
-                named = {role: name for role, name in labels.items() if role in KEY}
-                wrong = [role for role, name in named.items() if not (files.is_printable(name) and name.strip())]
-                for role in wrong + ["scene"] * bool({*scene} & {*"/\\"}):
-                    raise InputError(f"{role} is {named[role]!r}: expected a name, of a file if it is the scene's")
+                for role, label in labels.items():
+                    if not files.is_printable(label) or not label.strip() or (role == "scene" and {*label} & {*"/\\"}):
+                        raise InputError(f"{role} is {label!r}: expected a name, of a file if it is the scene's")
                 numbers[scene, labels["user"]] += 1
-                heard = [word for after, word in recording.words if rows[0] < after <= end]
-                word = heard[-1] if heard else ""
+                word = ["", *(word for after, word in recording.words if rows[0] < after <= end)][-1]
                 if word.lower() not in VALID:
                     expected = ", ".join(filter(None, VALID))
                     raise InputError(f"the label of {scene} is {word!r}: expected one of {expected}")
@@ -192,21 +189,18 @@ def _write(
     table = pd.concat(tables)[files.COLUMNS[DEMONSTRATIONS]]
     table.to_csv(folder / DEMONSTRATIONS, index=False, lineterminator="\n")
     (left, near), (right, far) = table[["x", "y"]].min(), table[["x", "y"]].max()
-    bare = [scene for scene, fits in shown.items() if fits is None]
-    unlabelled = len(table[table["valid"] == ""].drop_duplicates(KEY))
-    notes = {
-        f"demonstrations: {len(tables)}, x from {left:g} to {right:g} m, y from {near:g} to {far:g} m": True,
-        f"these leave the table of {size[0]:g} by {size[1]:g} m: correct size_m, unit, origin, turn_deg or y": (
-            min(left, near) < 0 or right > size[0] or far > size[1]
-        ),
-        f"movements back to where the one before began, left out: {returns}; `segments: moves` keeps them": returns > 0,
-        "x or y stays the same: choose the table's plane by --columns or --frame": (
-            min(right - left, far - near) < segments.REST_M
-        ),
-        f"scenes without a picture: {len(bare)}; add {SCENES}/{min(bare, default='')}.jpg, and so on": len(bare) > 0,
-        "the pictures show more than the table: mark its corners with the recorder": (
-            settings.corners is None and False in shown.values()
-        ),
-        f"demonstrations without a label: {unlabelled}; judge them with the recorder": unlabelled > 0,
-    }
-    return [note for note, holds in notes.items() if holds]
+    notes = [f"demonstrations: {len(tables)}, x from {left:g} to {right:g} m, y from {near:g} to {far:g} m"]
+    if min(left, near) < 0 or right > size[0] or far > size[1]:
+        advice = "correct size_m, unit, origin, turn_deg or y"
+        notes.append(f"these leave the table of {size[0]:g} by {size[1]:g} m: {advice}")
+    if returns:
+        notes.append(f"movements back to where the one before began, left out: {returns}; `segments: moves` keeps them")
+    if min(right - left, far - near) < segments.REST_M:
+        notes.append("x or y stays the same: choose the table's plane by --columns or --frame")
+    if bare := [scene for scene, fits in shown.items() if fits is None]:
+        notes.append(f"scenes without a picture: {len(bare)}; add {SCENES}/{min(bare)}.jpg, and so on")
+    if settings.corners is None and False in shown.values():
+        notes.append("the pictures show more than the table: mark its corners with the recorder")
+    if unlabelled := len(table[table["valid"] == ""].drop_duplicates(KEY)):
+        notes.append(f"demonstrations without a label: {unlabelled}; judge them with the recorder")
+    return notes

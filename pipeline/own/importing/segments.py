@@ -69,10 +69,9 @@ class Recording:
 def check_times(recording: Recording) -> None:
     """Raise InputError where times go back, or mostly stand still."""
     for i in np.flatnonzero(np.diff(recording.t) < 0)[:1]:
-        raise InputError(
-            f"{recording.name}: time goes back from {recording.t[i]:.9g} to {recording.t[i + 1]:.9g} s at sample "
-            f"{i + 2}: expected times that increase; cut the log there, or add --columns demo=NAME"
-        )
+        wrong = f"time goes back from {recording.t[i]:.9g} to {recording.t[i + 1]:.9g} s at sample {i + 2}"
+        advice = "cut the log there, or add --columns demo=NAME"
+        raise InputError(f"{recording.name}: {wrong}: expected times that increase; {advice}")
     if len(recording.t) > 1 and np.median(np.diff(recording.t)) == 0:
         raise InputError(f"{recording.name}: most samples have the time of the one before: choose other times")
 

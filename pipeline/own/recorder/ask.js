@@ -1,18 +1,12 @@
 // Shows one trial after the other and sends the answers; nothing here knows what a trial is for.
 import { Board, stroke } from "/static/canvas.js";
-import { ask } from "/static/talk.js";
+import { $, ask, element, say } from "/static/talk.js";
 
-const $ = id => document.getElementById(id);
 const board = new Board($("picture"), $("canvas"));
 let user = "";
 let next = null; // what the server shows: {trial, points, picture, answered, left_s, apart, note, wanted, taken, known}
 let since = 0; // when its picture was shown
 let sending = false;
-
-function say(text, kind = "") {
-  $("message").textContent = text;
-  $("message").className = `message ${kind}`;
-}
 
 const busy = is => document.body.setAttribute("aria-busy", is);
 
@@ -28,7 +22,7 @@ async function show(told) {
   $("note").hidden = !told.note;
   $("photograph").hidden = !told.wanted && !told.taken;
   $("file").value = "";
-  $("known").replaceChildren(...(told.known ?? []).map(line => Object.assign(document.createElement("li"), { textContent: line })));
+  $("known").replaceChildren(...(told.known ?? []).map(line => element("li", line)));
   if (told.trial === null) {
     next = told;
     board.redraw();
@@ -98,8 +92,7 @@ document.addEventListener("keydown", event => {
 ask("/api/overview").then(({ users }) => {
   if (users.length === 1) return begin(users[0]);
   $("users").replaceChildren(...users.map(name => {
-    const button = document.createElement("button");
-    button.textContent = name;
+    const button = element("button", name);
     button.addEventListener("click", () => begin(name));
     return button;
   }));

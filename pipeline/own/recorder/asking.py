@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 from pydantic import FiniteFloat
-from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
@@ -49,7 +48,7 @@ class Asking:
             raise InputError(f"{KINDS}/{taken[0]}: `ask` uses this name: expected another name, in every file")
         self.folder, self.minutes, self.digest = folder, minutes, digest(folder.path)
         self.users = [user] if user else folder.users
-        self.lock = Lock()
+        self.lock, self.more = Lock(), list[Route]()  # more: further addresses
         self.files: dict[str, Path] = {}  # of each user's sitting
         self.kept: dict[str, Sitting] = {}
         earlier = sittings(folder.path, self.suffix)
@@ -57,11 +56,6 @@ class Asking:
             if sitting.digest == self.digest:
                 self.kept[sitting.user], self.files[sitting.user] = sitting, file
         self.apart = sum(sitting.digest != self.digest for sitting in earlier.values())
-
-    @property
-    def more(self) -> list[Route]:
-        """Return further addresses."""
-        return []
 
     @as_sent
     def begin(self, user: str) -> dict[str, Any]:
@@ -73,10 +67,9 @@ class Asking:
             if user not in self.kept:
                 if crowded := sitting.get("no_room_for"):
                     print(f"No free place near a path of {user} for: {', '.join(crowded)}", flush=True)
-                content = json.dumps(sitting, ensure_ascii=False, indent=1)
-                folder = self.folder.path / ASKED
                 number = max((int(file.stem[:3]) for file in sittings(self.folder.path, self.suffix)), default=0) + 1
-                write_durably(file := folder / f"{number:03d}{self.suffix}.json", content)
+                file = self.folder.path / ASKED / f"{number:03d}{self.suffix}.json"
+                write_durably(file, json.dumps(sitting, ensure_ascii=False, indent=1))
                 self.files[user], self.kept[user] = file, Sitting.read(file)
             return self.shown(user)
 
@@ -147,12 +140,12 @@ class Asking:
         rows = self.rows(user) if left > 0 else []
         return (rows[0] if rows else None), left
 
-    def image(self, number: str, trial: int) -> bytes:
-        """Return the PNG of a trial; raise InputError if there is none."""
+    def image(self, number: str, row: int) -> bytes:
+        """Return the PNG of a row of a sitting's plan; raise InputError if there is none."""
         user = next((user for user, file in self.files.items() if file.stem == number), None)
-        if user is None or not 0 <= trial < len(self.kept[user].plan):
+        if user is None or not 0 <= row < len(self.kept[user].plan):
             raise InputError("there is no such trial: reload the page")
-        return png(self.drawn(user, next(self.kept[user].plan.iloc[[trial]].itertuples())))
+        return png(self.drawn(user, next(self.kept[user].plan.iloc[[row]].itertuples())))
 
     def drawn(self, user: str, row: Any) -> UInt8[Array, "side side 3"]:
         """Return the picture of a row of a user's plan."""
@@ -166,13 +159,9 @@ def png(pixels: UInt8[Array, "row column 3"]) -> bytes:
 
 def routes(asking: Asking) -> list[Route]:
     """Return the addresses under which the page asks."""
-
-    def image(request: Request) -> Response:
-        return Response(asking.image(**request.path_params), media_type="image/png")
-
     return [
         Route("/", lambda _: FileResponse(BESIDE / "ask.html")),
-        Route("/trials/{number}/{trial:int}", image),
+        Route("/trials/{number}/{row:int}", lambda r: Response(asking.image(**r.path_params), media_type="image/png")),
         Route("/api/overview", lambda _: JSONResponse({"users": asking.users})),
         posted("begin", asking.begin),
         posted("answer", asking.answer),

@@ -136,7 +136,7 @@ export class Board {
   }
 }
 
-export function stroke(context, unit, points, colour, { dashed = false, closed = false, width = 3, alpha = 1, fill = null } = {}) {
+export function stroke(context, unit, points, colour, { dashed = false, closed = false, width = 3, alpha = 1 } = {}) {
   if (!points.length) return;
   context.save();
   context.globalAlpha = alpha;
@@ -144,10 +144,6 @@ export function stroke(context, unit, points, colour, { dashed = false, closed =
   context.beginPath();
   points.forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
   if (closed) context.closePath();
-  if (fill) {
-    context.fillStyle = fill;
-    context.fill();
-  }
   context.lineWidth = (width + 2.5) * unit; // a dark rim: seen on any picture
   context.strokeStyle = "#111417";
   context.stroke();

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray as Array
 
 from pipeline.models.clearance.clearance import PATH_SAMPLES, ClearanceModel, passes
@@ -35,7 +35,6 @@ class Designing(Asking):
     suffix = "-design"
 
     def __init__(self, folder: Folder, user: str | None, minutes: float) -> None:
-        """Open a folder, as `Asking`."""
         super().__init__(folder, user, minutes)
         self.before: dict[str, tuple[Rules, Array]] = {}  # each user's rules before any answer, and what they accept
         self.names = sorted(folder.cutouts)
@@ -72,24 +71,28 @@ class Designing(Asking):
             made.append(question(path, ends, radii, kind, len(self.names)))
         return np.stack(made)
 
-    def start(self, user: str) -> None:
-        """Take a user's rules from a model fitted to all demonstrations."""
+    def start(self, user: str) -> tuple[Rules, Array]:
+        """Return a user's rules by a model fitted to all demonstrations, and which rows of the plan each accepts."""
         sitting, data = self.kept[user], UserData.of(user, self.folder)
-        plan, asked = sitting.plan, self.questions(sitting)
         model = fit_on(data, np.arange(len(data.scenes)))
         assert isinstance(model, ClearanceModel)
         margins = np.full((len(self.names), len(MARGINS_M)), 1 / len(MARGINS_M))
-        for kind, rows in plan.groupby("condition"):
-            accepted = members(self.folder, model, rows, sitting.paths)
+        for kind, rows in sitting.plan.groupby("condition"):
+            paths = [evenly(np.array(sitting.paths[name]["points"]), PATH_SAMPLES) for name in rows["path"]]
+            lines = torch.as_tensor(self.folder.frame.to_model(np.stack(paths))[:, None], dtype=torch.float32)
+            with torch.no_grad():
+                percept = model.see(seen_with(self.folder, rows, str(kind)))
+                p = model.log_valid(percept, passes(percept, lines))[..., 0].exp()  # (member, row)
+            accepted = (p > 0.5).T.numpy()
             margins[self.names.index(str(kind))] = of_members(rows["clearance_m"].to_numpy(float), accepted)
         families = dict(zip(model.families, model.posterior().tolist(), strict=False))  # the last one is the constant
         rules = Rules.of(by_family(families), margins, stream("own", "rules", sitting.digest, user))
-        self.before[user] = rules, rules.accept(asked)
+        return rules, rules.accept(self.questions(sitting))
 
     def rules(self, user: str) -> Rules:
         """Return what a user's answers leave of the rules."""
         if user not in self.before:
-            self.start(user)
+            self.before[user] = self.start(user)
         rules, accepted = self.before[user]
         for trial, answer in self.kept[user].answers.items():
             rules = rules.told(accepted[trial], answer)
@@ -104,7 +107,12 @@ class Designing(Asking):
     def beside(self, user: str, row: int | None) -> dict[str, Any]:
         """Return the sentence that describes the table, which is also printed and drawn; in the end, what is known."""
         if row is None:
-            print("\n".join(known := remaining(self.rules(user), self.names)), flush=True)
+            variant, margins = self.rules(user).known()
+            known = [f"Items count {list(VARIANTS)[variant.argmax()]}: {sure(variant.max())}."]
+            for name, p in zip(self.names, margins, strict=True):
+                margin = f"keeps {100 * MARGINS_M[p.argmax()]:.0f} cm away" if p.argmax() else "does not matter"
+                known.append(f"{name}: {margin}, {sure(p.max())}.")
+            print("\n".join(known), flush=True)
             return {"known": known}
         (trial,), file = self.kept[user].plan.iloc[[row]].itertuples(), self.files[user].with_suffix(".png")
         scene, away = self.folder.scenes[trial.scene], f"{100 * trial.clearance_m:.0f} cm"
@@ -116,17 +124,6 @@ class Designing(Asking):
         drawn = png(cv2.polylines(canvas, [pixels], False, YELLOW, 3, cv2.LINE_AA))
         atomic_write(file, lambda part: part.write_bytes(drawn))
         return {"note": note}
-
-
-def members(
-    folder: Folder, model: ClearanceModel, rows: pd.DataFrame, paths: dict[str, dict[str, Any]]
-) -> Bool[Array, "row member"]:
-    """Return which rows of a plan, all of one kind, each member of a model accepts."""
-    lines = [folder.frame.to_model(evenly(np.array(paths[name]["points"]), PATH_SAMPLES)) for name in rows["path"]]
-    with torch.no_grad():
-        percept = model.see(seen_with(folder, rows, rows["condition"].iloc[0]))
-        passing = passes(percept, torch.as_tensor(np.stack(lines)[:, None], dtype=torch.float32))
-        return (model.log_valid(percept, passing)[..., 0].exp() > 0.5).T.numpy()
 
 
 def placed(folder: Folder, row: Any) -> str:
@@ -143,16 +140,6 @@ def placed(folder: Folder, row: Any) -> str:
         other = (told[gaps.argmin()] if len(told) == len(present) else "") or "item"
         words += f", {100 * gaps.min():.0f} cm from the nearest {other}"
     return words
-
-
-def remaining(rules: Rules, names: list[str]) -> list[str]:
-    """Return what is known of the rules, in words: the likeliest variant, and each kind's likeliest margin."""
-    variant, margins = rules.known()
-    lines = [f"Items count {list(VARIANTS)[variant.argmax()]}: {sure(variant.max())}."]
-    for name, p in zip(names, margins, strict=True):
-        margin = f"keeps {100 * MARGINS_M[p.argmax()]:.0f} cm away" if p.argmax() else "does not matter"
-        lines.append(f"{name}: {margin}, {sure(p.max())}.")
-    return lines
 
 
 def sure(p: float) -> str:

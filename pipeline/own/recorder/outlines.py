@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -60,12 +60,10 @@ def propose(picture: UInt8[Array, "row column 3"], point: Sequence[float], edge:
 def to_coco(items: dict[str, list[Item]], files: dict[str, str], sizes: dict[str, tuple[int, int]]) -> str:
     """Return the items of scenes as a COCO file; files, sizes: name, width and height of each scene's picture."""
     kinds = sorted({item.kind for of_scene in items.values() for item in of_scene})
-    images = [
-        {"id": number, "file_name": files[scene], "width": sizes[scene][0], "height": sizes[scene][1]}
-        for number, scene in enumerate(items, 1)
-    ]
-    annotations = []
-    for number, of_scene in enumerate(items.values(), 1):
+    images, annotations = [], []
+    for number, (scene, of_scene) in enumerate(items.items(), 1):
+        width, height = sizes[scene]
+        images.append({"id": number, "file_name": files[scene], "width": width, "height": height})
         for item in of_scene:
             ring = np.array(item.points)
             low, high = ring.min(0), ring.max(0)
@@ -79,7 +77,7 @@ def to_coco(items: dict[str, list[Item]], files: dict[str, str], sizes: dict[str
                 "iscrowd": 0,
             })  # fmt: skip
     categories = [{"id": number, "name": kind} for number, kind in enumerate(kinds, 1)]
-    content: dict[str, Any] = {"images": images, "annotations": annotations, "categories": categories}
+    content = {"images": images, "annotations": annotations, "categories": categories}
     return json.dumps(content, ensure_ascii=False, indent=1) + "\n"
 
 

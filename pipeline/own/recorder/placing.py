@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
-from starlette.routing import Route
 
 from pipeline.own import files
 from pipeline.own.asked import REAL, Sitting, real_trials
@@ -23,8 +22,6 @@ from pipeline.own.recorder.storage import as_sent
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
-MAX_PICTURE_BYTES = 70_000_000  # as base64
-
 
 class Placing(Asking):
     """Second answers to the trials of `ask` that had an item near the path, each about the person's photograph."""
@@ -32,6 +29,7 @@ class Placing(Asking):
     def __init__(self, folder: Folder, user: str | None, minutes: float) -> None:
         """Open a folder whose users have answered `ask`; raise InputError if none has."""
         super().__init__(folder, user, minutes)
+        self.more.append(posted("photograph", self.take))
         self.first = {name: self.kept[name] for name in self.users if name in self.kept}
         self.users = [name for name, sitting in self.first.items() if len(real_trials(sitting))]
         if not self.users:
@@ -40,11 +38,6 @@ class Placing(Asking):
         plans = {name: self.files[name] for name in self.users}
         self.files = {name: plan.with_name(f"{plan.stem}{REAL}.json") for name, plan in plans.items()}
         self.kept = {name: Sitting.read(plan, self.files[name].with_suffix(".csv")) for name, plan in plans.items()}
-
-    @property
-    def more(self) -> list[Route]:
-        """Return the address that takes photographs."""
-        return [posted("photograph", self.take, MAX_PICTURE_BYTES)]
 
     def rows(self, user: str) -> list[int]:
         """Return the trials with a near item that have no second answer, scene by scene: tables are set anew."""

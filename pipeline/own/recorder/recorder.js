@@ -1,9 +1,8 @@
 // The recorder's page: shows scenes, sends what a person draws and judges, and says what is recorded.
 import { Board, stroke } from "/static/canvas.js";
-import { ask } from "/static/talk.js";
+import { $, ask, element, say } from "/static/talk.js";
 import { OutlineTool, PathTool, PointTool } from "/static/tools.js";
 
-const $ = id => document.getElementById(id);
 const STEPS = { table: "Place the table", items: "Outline items", paths: "Record paths" };
 const CORNERS = ["far left", "far right", "near right", "near left"];
 export const board = new Board($("picture"), $("canvas"));
@@ -15,11 +14,6 @@ let sending = false;
 let opened = 0; // counts the scenes that were asked for
 
 // ---- talk to the person
-
-function say(text, kind = "") {
-  $("message").textContent = text;
-  $("message").className = `message ${kind}`;
-}
 
 async function attempt(action) { // an action whose error is shown
   try {
@@ -293,13 +287,6 @@ function drawScene(context, unit) {
 }
 
 // ---- lists
-
-function element(name, text, attributes = {}) {
-  const made = document.createElement(name);
-  if (text !== null) made.textContent = text;
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  return made;
-}
 
 const added = []; // names that were typed and have no path yet
 const allUsers = () => [...new Set([...(overview?.users ?? []), ...added])];

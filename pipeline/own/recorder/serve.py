@@ -34,10 +34,8 @@ from pipeline.runtime.errors import InputError
 LOOPBACK = "127.0.0.1"
 LOCK = ".recorder.lock"  # in the folder; held by the recorder's process, holds its address
 BESIDE = Path(__file__).parent
-NAMES = "recorder.css", "recorder.js", "canvas.js", "tools.js", "talk.js", "ask.js", "icon.svg"
-STATIC = [BESIDE / name for name in NAMES]
-STATIC.append(Path(pipeline.report.__path__[0]) / "page.css")  # the report's own style
-MAX_REQUEST_BYTES = 4_000_000  # of a path: half an hour at 60 samples a second
+STYLES = BESIDE / "recorder.css", Path(pipeline.report.__path__[0]) / "page.css"  # the latter is the report's own
+STATIC = [*STYLES, *BESIDE.glob("*.js"), BESIDE / "icon.svg"]
 HEADERS = {  # forbid everything that is not of this server
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -53,10 +51,7 @@ SENT = TypeAdapter(dict[str, Any])  # the arguments of a method of `Recordings`,
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Serve the recorder's page as the command line says; return 0 after Ctrl-C.
-
-    Raise InputError if the folder cannot be recorded into or another recorder has it.
-    """
+    """Serve the recorder's page; return 0 after Ctrl-C. Raise InputError if the folder cannot be recorded into."""
     parsed = parser("record", "Open a page to draw and judge paths.").parse_args(arguments)
 
     def ended(recordings: Recordings) -> str:
@@ -108,10 +103,7 @@ def serve(
 
 @contextmanager
 def one_recorder(folder: Path) -> Iterator[int]:
-    """Hold the folder's lock, which the system releases however this process ends; yield its file descriptor.
-
-    Raise InputError if another recorder holds it.
-    """
+    """Hold the folder's lock, which ends with this process; yield its file. Raise InputError if another holds it."""
     lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -141,17 +133,11 @@ def routes(recordings: Recordings) -> list[Route]:
     ]
 
 
-def posted(name: str, store: Callable[..., Any], most: int = MAX_REQUEST_BYTES) -> Route:
+def posted(name: str, store: Callable[..., Any]) -> Route:
     """Return the route of a request that changes something: `store` gets what the page sent, and answers."""
 
     async def answer(request: Request) -> Response:
-        body = bytearray()
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > most:
-                shorter = "draw a shorter path, or scale the picture down"
-                return _refused(f"more than {most / 1e6:.0f} MB were sent: {shorter}", 413)
-        values = SENT.validate_json(bytes(body))
+        values = SENT.validate_json(await request.body())
         return JSONResponse(await run_in_threadpool(partial(store, **values)) or {})
 
     return Route(f"/api/{name}", answer, methods=["POST"])
@@ -161,11 +147,7 @@ def application(routes: Sequence[Route], hosts: Collection[str]) -> Starlette:
     """Return an application of these routes and the static files, which answers under `hosts` only."""
 
     async def guard(request: Request, answer: Callable[[Request], Any]) -> Response:
-        """Answer the recorder's own page alone.
-
-        A foreign Host betrays DNS rebinding, a foreign Origin another site's script. Requests that change something
-        must name their origin.
-        """
+        # a foreign Host betrays DNS rebinding, a foreign Origin another site's script; changes must name their origin
         head, origins = request.headers, {f"http://{host}" for host in hosts}
         known = head.get("host") in hosts and head.get("sec-fetch-site", "none") in ("same-origin", "none")
         if known and (head.get("origin") in origins or (request.method == "GET" and "origin" not in head)):

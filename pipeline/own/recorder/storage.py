@@ -28,8 +28,7 @@ HEADER = "# Where the table is in the pictures, written by the recorder. docs/ow
 COLUMNS = files.COLUMNS[DEMONSTRATIONS]
 FIELDS = 10  # of the grid over the table, a side
 MIN_STEP_MS = 8.0  # between stored samples; some pens report 240 a second
-MAX_NAME = 60  # characters of a person's name
-FORMULA = "=+-@"  # a spreadsheet runs a cell that begins so
+MAX_NAME = 60  # characters
 
 Point = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 Corners = Annotated[list[Point], Field(min_length=4, max_length=4)]
@@ -69,15 +68,15 @@ class Recordings:
         }
 
     def scene(self, name: str) -> dict[str, Any]:
-        """Return what stands over a scene's picture [px], and its homography to metres; None for unknown corners."""
+        """Return what stands over a scene's picture [px]; None for unknown corners."""
         settings = self._settings()
         corners, size = self._corners(name, settings), settings.size_m
         if corners is None:
             return {"name": name, "corners": None, "paths": []}
-        matrix = to_metres(corners, size)
+        back = np.linalg.inv(to_metres(corners, size))
 
         def pixels(metres: Float[Array, "n 2"]) -> list[list[float]]:
-            return np.round(mapped(np.linalg.inv(matrix), metres), 1).tolist()
+            return np.round(mapped(back, metres), 1).tolist()
 
         shares = np.linspace(0, 1, FIELDS + 1)[1:-1]
         upright = [np.array([[x, 0], [x, 1]]) for x in shares]
@@ -85,7 +84,6 @@ class Recordings:
         return {
             "name": name,
             "corners": corners.tolist(),
-            "matrix": matrix.tolist(),
             "grid": [pixels(line * size) for line in [*upright, *(line[:, ::-1] for line in upright)]],
             "paths": [described(rows) | {"points": pixels(rows[["x", "y"]].to_numpy(float))} for rows in paths],
         }
@@ -136,10 +134,8 @@ class Recordings:
     def judge(self, id: str, valid: bool) -> None:
         """Label a stored path that nobody judged; raise InputError if it is not there as the page saw it."""
         with self._lock:
-            rows, table = self._path(id), self._table().copy()
-            if rows["valid"].iloc[0]:
-                raise InputError("this path has been judged already")
-            table.loc[rows.index, "valid"] = "true" if valid else "false"
+            table = self._table().copy()
+            table.loc[self._path(id).index, "valid"] = "true" if valid else "false"
             self._write_paths(table)
 
     @as_sent
@@ -151,9 +147,8 @@ class Recordings:
     def items(self, scene: str) -> dict[str, Any]:
         """Return the stored items of a scene, whether it is told what stands there, and all kinds that are named."""
         stored = self._items()
-        kinds = {item.kind for items in stored.values() for item in items if item.kind}
-        shown = [item._asdict() for item in stored.get(scene, [])]
-        return {"items": shown, "told": scene in stored, "kinds": sorted(kinds)}
+        kinds = sorted({item.kind for items in stored.values() for item in items if item.kind})
+        return {"items": [item._asdict() for item in stored.get(scene, [])], "told": scene in stored, "kinds": kinds}
 
     @as_sent
     def propose(self, scene: str, point: Point, edge: Point) -> dict[str, Any]:
@@ -179,7 +174,7 @@ class Recordings:
             items[scene] = [Item(kind, points) for kind, points in zip(named, outlines, strict=True)]
             kept = {name: items[name] for name in scenes if name in items and (told or name != scene)}
             sizes = {name: self.picture_size(name) for name in kept}
-            self._write(COCO, to_coco(kept, {name: scenes[name].name for name in kept}, sizes))
+            write_durably(self.folder / COCO, to_coco(kept, {name: scenes[name].name for name in kept}, sizes))
 
     def found(self, scene: str) -> dict[str, Any]:
         """Return the outlines that the detector finds in a scene's picture, each with the most alike named kind."""
@@ -212,18 +207,17 @@ class Recordings:
                 if placed is not None and not isinstance(placed, dict):
                     placed = dict.fromkeys(self._scenes(), placed)
                 placed = marked if everywhere else {**(placed or {}), scene: marked}
-            where: dict[str, Any] = {"rectified": True}
+            values: dict[str, Any] = {"size_m": size_m}
             if isinstance(placed, dict):
-                where = {"corners": {name: places.round(1).tolist() for name, places in placed.items()}}
-            elif placed is not None:
-                where = {"corners": placed.round(1).tolist()}
-            values = {"size_m": size_m, **where}
+                values["corners"] = {name: places.round(1).tolist() for name, places in placed.items()}
+            else:
+                values |= {"rectified": True} if placed is None else {"corners": placed.round(1).tolist()}
             if (written := self.folder / SETTINGS).is_file():
                 content = yaml.safe_load(written.read_text(encoding="utf-8")) or {}
                 values |= {name: content[name] for name in ("import",) if name in content}
             files.check_settings(values)
             text = HEADER + yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
-            self._write(SETTINGS, text)
+            write_durably(self.folder / SETTINGS, text)
 
     def recorded(self) -> list[pd.DataFrame]:
         """Return the rows of each path (the same scene, user and demo) in their order."""
@@ -272,13 +266,9 @@ class Recordings:
             self._known[path] = state, read(path)
         return self._known[path][1]
 
-    def _write(self, name: str, text: str) -> None:
-        """Replace a file of the folder, as `write_durably`."""
-        write_durably(self._inside(self.folder / name), text)
-
     def _write_paths(self, *parts: pd.DataFrame) -> None:
         table = pd.concat(parts, ignore_index=True).fillna("")
-        self._write(DEMONSTRATIONS, table.to_csv(index=False, lineterminator="\n"))
+        write_durably(self.folder / DEMONSTRATIONS, table.to_csv(index=False, lineterminator="\n"))
 
     def _inside(self, path: Path) -> Path:
         """Return `path`; raise InputError if it leads out of the folder, as a symbolic link can."""
@@ -310,12 +300,9 @@ def _sync(path: Path) -> None:
 def tidy_name(name: str) -> str:
     """Return a name without needless spaces; raise InputError for one that a csv file should not hold."""
     name = normal(name)
-    if not 1 <= len(name) <= MAX_NAME:
-        raise InputError(f"the person’s name has {len(name)} characters: expected 1 to {MAX_NAME}")
-    if name[0] in FORMULA or not is_printable(name):
-        raise InputError(
-            f"the person’s name {name!r} would be a formula in a spreadsheet, or cannot be printed: change it"
-        )
+    if not 1 <= len(name) <= MAX_NAME or name.startswith(tuple("=+-@")) or not is_printable(name):
+        expected = f"1 to {MAX_NAME} printable characters, and at the front no =, +, - or @, which a spreadsheet runs"
+        raise InputError(f"the name is {name!r}: expected {expected}")
     return name
 
 

@@ -1,4 +1,18 @@
-// Talks to the server: sends JSON, returns its answer, and turns every failure into a sentence.
+// Talks to the person by the page, and to the server: sends JSON, returns its answer, turns every failure into a sentence.
+export const $ = id => document.getElementById(id);
+
+export function say(text, kind = "") {
+  $("message").textContent = text;
+  $("message").className = `message ${kind}`;
+}
+
+export function element(name, text, attributes = {}) {
+  const made = document.createElement(name);
+  if (text !== null) made.textContent = text;
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  return made;
+}
+
 export async function ask(path, body) {
   const options = body === undefined ? {} : { method: "POST", body: JSON.stringify(body) };
   let answer;
