@@ -10,6 +10,7 @@ specs audit ...            compare code, locks, pages and tables of a commit (do
 specs review ...           open recordings in Rerun's viewer (docs/review.md)
 
 specs VERB --help          says more; specs --version
+eval "$(specs --completion bash)"    the shell completes verbs; also zsh
 """
 
 import runpy
@@ -23,6 +24,10 @@ OWN = ("report", "check", "record", "ask", "import")  # verbs of a person's own 
 MODULES = dict.fromkeys(OWN, "pipeline.own") | {
     "sweep": "pipeline.sweep", "audit": "pipeline.audit", "review": "pipeline.viewer.review",
 }  # fmt: skip
+COMPLETION = {
+    "bash": "complete -o default -W '{verbs}' specs",
+    "zsh": 'compdef \'_arguments "1:verb:({verbs})" "*:file:_files"\' specs',
+}
 
 
 def main() -> int:
@@ -38,10 +43,13 @@ def main() -> int:
         try:
             runpy.run_module(MODULES[verb], run_name="__main__", alter_sys=True)
         except ModuleNotFoundError as error:
-            sys.exit(f"error: specs {verb} needs {error.name}: pip install 'causal-specifications[pipeline]'")
+            need = f"{error.name}: pip install 'causal-specifications[pipeline]'"
+            sys.exit(f"error: specs {verb} needs {need}")
         return 0
     if verb == "--version":
         print(__version__)
+    elif verb == "--completion" and rest in (["bash"], ["zsh"]):
+        print(COMPLETION[rest[0]].format(verbs=" ".join(MODULES)))
     elif verb in ("-h", "--help"):
         print(__doc__)
     else:

@@ -28,6 +28,11 @@ def test_the_version_is_the_citations_and_the_changelogs():
     assert citation["version"] == __version__ and heading in (ROOT / "CHANGELOG.md").read_text()
 
 
+def test_bash_completes_verbs():
+    shell = f"{specs('--completion', 'bash').stdout}\ncomplete -p specs"
+    assert all(verb in subprocess.check_output(["bash", "-ec", shell], text=True) for verb in MODULES)
+
+
 @pytest.mark.parametrize(
     ("verb", "package", "extra"),
     [("report", "matplotlib", "own"), ("import", "pandas", "import"), ("sweep", "hydra", "pipeline")],
