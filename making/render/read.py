@@ -35,13 +35,19 @@ def sheet(images: UInt8[Array, "scene 100 100 3"]) -> UInt8[Array, "row column 3
     return padded.reshape(rows, PER_ROW, SIDE, SIDE, 3).swapaxes(1, 2).reshape(rows * SIDE, PER_ROW * SIDE, 3)
 
 
+def pictures(pixels: UInt8[Array, "row column 3"]) -> UInt8[Array, "place 100 100 3"]:
+    """Return the pictures of a contact sheet, the black ones at its end included."""
+    rows = len(pixels) // SIDE
+    return np.ascontiguousarray(pixels.reshape(rows, SIDE, PER_ROW, SIDE, 3).swapaxes(1, 2)).reshape(-1, SIDE, SIDE, 3)
+
+
 def _pictures(path: Path, scenes: int) -> UInt8[Array, "scene 100 100 3"]:
     """Return the pictures of a contact sheet."""
     pixels = read_image(path)
     expected = sheet(np.zeros((scenes, SIDE, SIDE, 3), np.uint8)).shape
     if pixels.shape != expected:
         raise InputError(f"{path} has shape {pixels.shape}: expected {expected} for {scenes} scenes; render it again")
-    return pixels.reshape(-1, SIDE, PER_ROW, SIDE, 3).swapaxes(1, 2).reshape(-1, SIDE, SIDE, 3)[:scenes]
+    return pictures(pixels)[:scenes]
 
 
 def read_rendered(folder: Path) -> Rendered:
