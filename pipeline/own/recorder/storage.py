@@ -311,11 +311,9 @@ def tidy_name(name: str) -> str:
     """Return a name without needless spaces; raise InputError for one that a csv file should not hold."""
     name = normal(name)
     if not 1 <= len(name) <= MAX_NAME:
-        raise InputError(f"the person’s name has {len(name)} characters: expected 1 to {MAX_NAME}")
+        raise InputError(f"the name {name[:MAX_NAME]!r} has {len(name)} characters: expected 1 to {MAX_NAME}")
     if name[0] in FORMULA or not is_printable(name):
-        raise InputError(
-            f"the person’s name {name!r} would be a formula in a spreadsheet, or cannot be printed: change it"
-        )
+        raise InputError(f"the name {name!r} would be a formula in a spreadsheet, or cannot be printed: change it")
     return name
 
 
