@@ -57,9 +57,9 @@ def run(
     return subprocess.run(command, cwd=folder, env=environment(changed), encoding="utf-8", errors="replace", **options)
 
 
-def git(folder: Path, *arguments: str) -> str:
-    """Return what git prints in `folder`; raise InputError with its message if it fails."""
-    return _said(["git", *arguments], folder)
+def git(folder: Path, *arguments: str, env: Mapping[str, str] | None = None) -> str:
+    """Return what git prints in `folder`, with these variables; raise InputError with its message if it fails."""
+    return _said(["git", *arguments], folder, env)
 
 
 def dvc(folder: Path, *arguments: str) -> str:
@@ -67,8 +67,8 @@ def dvc(folder: Path, *arguments: str) -> str:
     return _said([sys.executable, "-m", "dvc", *arguments], folder)
 
 
-def _said(command: list[str], folder: Path) -> str:
-    ended = run(command, folder, capture_output=True)
+def _said(command: list[str], folder: Path, env: Mapping[str, str] | None = None) -> str:
+    ended = run(command, folder, env, capture_output=True)
     if ended.returncode:
         message = " ".join((ended.stderr or ended.stdout).split())[-400:]
         raise InputError(f"`{' '.join(command[:3])}` failed: {message}")

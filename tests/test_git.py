@@ -160,6 +160,14 @@ def test_a_clone_of_a_shallow_repository_has_uncommitted_changes_too(tmp_path: P
     assert (clone / "file").read_text() == "3"
 
 
+def test_a_hook_of_commit_all_may_start_a_sweep_and_the_index_stays_as_it_is(whole: Path):
+    (whole / "file").write_text("3")
+    (whole / ".git/index.lock").touch()  # git holds it
+    before = (whole / ".git/index").read_bytes()
+    assert git(whole, "show", f"{snapshot(whole)}:file") == "3"
+    assert (whole / ".git/index").read_bytes() == before
+
+
 def test_text_is_utf_8_whatever_the_locale_and_what_a_terminal_lacks_is_replaced(tmp_path: Path):
     code = "import pipeline.git as g, pathlib; g.forget_repository(); print(g.git(pathlib.Path('.'), 'show', 'HEAD:e'))"
     git(tmp_path, "init", "--quiet")

@@ -11,8 +11,7 @@ import grimp
 import pytest
 import yaml
 
-from pipeline.audit.revision import checked_out
-from pipeline.git import dvc
+from pipeline.git import checked_out, dvc
 from pipeline.runtime.places import ROOT
 from tests.stages.facts import all_stages
 

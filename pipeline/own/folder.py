@@ -71,7 +71,12 @@ class Folder:
         """Return the empty table as the pictures tell it, where nobody photographed it."""
         if self.empty is not None or not self.one_camera:
             return None
-        return empty_table(np.stack(list(self.canvases.values())))
+        once = np.unique(self.arrangements, return_index=True)[1]
+        stack = empty_table(np.stack(list(self.canvases.values()))[once])  # each arrangement has one voice
+        if stack is None:
+            return None
+        moved, relit = (np.isin(self.arrangements, some).nonzero()[0].tolist() for some in (stack.moved, stack.relit))
+        return stack._replace(moved=moved, relit=relit)
 
     @cached_property
     def seen(self) -> Seen:
@@ -130,7 +135,7 @@ class Folder:
         others = set(self.seen.misfits) - {*moved, *relit}
         reasons = {"camera moved": moved, "light changed": relit, "empty table does not fit": others}
         alone = [i for i, way in enumerate(self.seen.ways) if way == ALONE]
-        stacked = self.empty is None and self.one_camera and len(self.scenes) >= MIN_PICTURES
+        stacked = self.empty is None and self.one_camera and len(set(self.arrangements)) >= MIN_PICTURES
         if alone and stacked and (stack is None or len({*others, *moved, *relit}) == len(self.scenes)):
             lines.append("The pictures do not show one table from one place in one light: each is read alone.")
             reasons = {}

@@ -89,6 +89,10 @@ class Views(NamedTuple):
         corners = whole(*self.sizes[scene]) if corners is None else corners
         return mapped(to_metres(corners, self.settings.size_m), pixels)
 
+    def is_beside(self, part: Float[Array, "point 2"]) -> bool:
+        """Return whether a polygon [m] lies beside the table."""
+        return bool(((part.max(0) < 0) | (part.min(0) > self.settings.size_m)).any())
+
 
 def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:
     """Return the told items of each scene that has any source; a scene told to be empty has none."""
@@ -99,6 +103,8 @@ def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
             if scene in owner:
                 faults.append(f"{name}: items of {scene} stand in {owner[scene]}, too: keep one of them")
             faults += [f"{name}: {fault}" for fault in _faults_of(scene, items, views)]
+            if beside := [kind for kind, parts in items if all(map(views.is_beside, parts))]:
+                faults.notes.append(f"{name}: {len(beside)} of {len(items)} items of {scene} lie beside the table")
             told[scene], owner[scene] = items, name
     return told
 
@@ -140,7 +146,10 @@ def _from_coco(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
     try:
         coco = Coco.model_validate_json((path / COCO).read_text(encoding="utf-8-sig"))
     except ValueError as error:
-        why = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+        why = str(error)
+        if isinstance(error, ValidationError):
+            first = error.errors()[0]
+            why = ": ".join([*map(str, first["loc"]), first["msg"]])
         faults.append(f"{COCO} is no COCO file ({why}): expected images, annotations and categories; export it again")
         return {}
     scenes, kinds = coco.scenes, coco.kinds
@@ -154,6 +163,8 @@ def _from_coco(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
             faults.append(f"{COCO}: {fault}: expected the same; export outlines on the picture in scenes/")
     if len(set(scenes.values())) < len(coco.images):
         faults.append(f"{COCO} lists an image twice, by its id or its name: expected each once; export it again")
+    if len(kinds) < len(coco.categories):
+        faults.append(f"{COCO} lists a category twice, by its id: expected each once; export it again")
     for kind in kinds.values():
         if not files.is_printable(kind):
             faults.append(f"{COCO}: the category {kind!r} cannot be printed: rename it")
@@ -225,11 +236,19 @@ def _rings_in(mask: UInt8[Array, "row column"]) -> list[Float[Array, "point 2"]]
 
 
 def crosses_itself(ring: Float[Array, "point 2"]) -> bool:
-    """Return whether two edges of a closed polygon that are no neighbours cross."""
-    (x, y), (dx, dy) = np.roll(ring, -1, axis=0).T - ring.T, ring.T[:, None] - ring.T[..., None]
-    side = np.sign(x[:, None] * dy - y[:, None] * dx)  # (edge, point); 0 for an edge's own ends
-    parts = side * np.roll(side, -1, axis=1) < 0  # whether the line through an edge has another's ends on two sides
-    return bool((parts & parts.T).any())
+    """Return whether two edges of a closed polygon cross; those that only touch do not."""
+    start, stop = ring, np.roll(ring, -1, axis=0)
+
+    def turn(a: Array, b: Array, c: Array) -> Array:
+        """Return on which side of the line from a to b the point c lies."""
+        (ux, uy), (vx, vy) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
+        return np.sign(ux * vy - uy * vx)
+
+    for a, b in zip(start, stop, strict=True):  # one by one: masks' outlines have thousands of points
+        cross = (turn(a, b, start) * turn(a, b, stop) < 0) & (turn(start, stop, a) * turn(start, stop, b) < 0)
+        if cross.any():
+            return True
+    return False
 
 
 def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]]:

@@ -12,9 +12,10 @@ import pandas as pd
 from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from scipy.special import softmax
+from scipy.stats import median_abs_deviation
 
 from pipeline.models.base import to_tensor
-from pipeline.own.frame import Frame, outline
+from pipeline.own.frame import Frame, outline, whole
 from pipeline.own.items import MAX_ITEM_SHARE, Told
 from pipeline.perception.objects import SUPERSAMPLING, Object, Objects, Outline, describe_outlined, detect_objects
 from pipeline.perception.segmenter import LOOKS
@@ -24,6 +25,8 @@ TOLD, EMPTY, STACK, ALONE = "told", "empty table", "empty table from the picture
 FINE = SIDE * SUPERSAMPLING  # points a side on which outlines are laid down
 SPREAD = 0.5  # standard deviation that each kind's looks have at least, over that of all items
 USUAL_DOUBT = 12.0, 3.5  # of nine in ten composites as in the segmenter's training: alone, over an empty table [nat/px]
+MAX_DRIFT_PX = 1.2  # of a corner of the table: beyond it the camera moved, and edges of patterns become finds
+NEARER = 0.9  # median difference after such a movement, over that before, at most
 NEAR_M = 0.01  # an item's centre may lie this far outside a detected outline [m of the model]
 Image = UInt8[Array, "100 100 3"]
 Named = tuple[str, Object]  # kind, "" where nobody named it
@@ -126,8 +129,10 @@ def look(
     """Return what stands in pictures; told: items by scene; `empty`: the table without items, known by `way`.
 
     misfits: scenes in another light or from another place than `empty`; what stands there is known by the picture
-    alone, as where the comparison finds something as large as the table.
+    alone, as where the camera moved, or the comparison finds something as large as the table.
     """
+    if empty is not None:
+        misfits = [i for i, image in enumerate(images) if i in misfits or _is_moved(image, empty)]
     pairs = [detect(image, None if i in misfits else empty) for i, image in enumerate(images)]
     if empty is not None:
         misfits = [i for i, (objects, _) in enumerate(pairs) if i in misfits or any(map(_is_huge, objects))]
@@ -162,6 +167,19 @@ def detect(image: Image, empty: Image | None) -> tuple[list[Object], float]:
     fields = objects.ends, objects.radius, objects.features, objects.kinds
     rows = [Object(*(field[0, i] for field in fields)) for i in np.flatnonzero(objects.present[0])]
     return rows, float(objects.doubt[0]) / USUAL_DOUBT[empty is not None]
+
+
+def _is_moved(image: Image, empty: Image) -> bool:
+    """Return whether the table lies elsewhere in a picture: an affine movement (ECC) brings most of it nearer."""
+    grey, onto = (cv2.cvtColor(cv2.GaussianBlur(each, (0, 0), 1), cv2.COLOR_RGB2GRAY) for each in (image, empty))
+    try:
+        _, matrix = cv2.findTransformECC(onto, grey, np.eye(2, 3, dtype=np.float32), cv2.MOTION_AFFINE)
+    except cv2.error:  # nothing to hold on to, as on a plain table
+        return False
+    back = cv2.warpAffine(grey, matrix, (SIDE, SIDE), flags=cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE)
+    before, after = (median_abs_deviation(each.astype(float) - onto, axis=None) for each in (grey, back))
+    drift = np.abs(whole(SIDE, SIDE) @ (matrix[:, :2].T - np.eye(2)) + matrix[:, 2]).max()
+    return bool(drift > MAX_DRIFT_PX and after < NEARER * before)
 
 
 def _is_huge(one: Object) -> bool:

@@ -14,6 +14,7 @@ import shutil
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import yaml
 from filelock import FileLock, Timeout
@@ -44,7 +45,7 @@ def main(argv: list[str]) -> int:
     if given.multirun == bool(given.resume) or (given.resume and (given.folder or given.stages or given.objective)):
         raise InputError("expected --multirun, options and overrides, or --resume FOLDER and overrides; see --help")
     if given.resume:
-        folder, record = given.resume.resolve(), read_json(given.resume / "sweep.json")
+        folder, record = given.resume.resolve(), _record(given.resume)
         relaunched = any(text.startswith("hydra/launcher=") for text in overrides)
         left_out = (*overrides, *(("hydra/launcher=", "hydra.launcher.") if relaunched else ()))
         runs = [[*(text for text in run if not text.startswith(left_out)), *overrides] for run in record["runs"]]
@@ -86,9 +87,16 @@ def main(argv: list[str]) -> int:
         raise InputError(f"another sweep is writing into {folder}: wait for it, or name another --folder") from error
 
 
+def _record(folder: Path) -> dict[str, Any]:
+    """Return what a sweep wrote of itself; raise InputError if the folder holds none."""
+    if not (folder / "sweep.json").is_file():
+        raise InputError(f"{folder} holds no sweep: name the folder that its first line said")
+    return read_json(folder / "sweep.json")
+
+
 def _summarise(folder: Path) -> int:
     """Write the summary, print where it is and which jobs failed or are missing; return the exit status."""
-    record = read_json(folder / "sweep.json")
+    record = _record(folder)
     jobs = read_jobs(Sweep(ROOT, folder, ROOT, record))
     broken = [job for job in jobs if job["state"] != "done"]
     for job in broken:

@@ -15,6 +15,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
@@ -86,9 +87,15 @@ def is_done(folder: Path) -> bool:
 
 
 def snapshot(root: Path) -> str:
-    """Return the commit to run: HEAD, or one on no branch with the uncommitted changes of files that git knows."""
+    """Return the commit to run: HEAD, or one on no branch with the uncommitted changes of files that git knows.
+
+    Git works on a copy of the index, for `git commit -a` locks the person's while its hooks run.
+    """
     author = ("-c", "user.name=sweep", "-c", "user.email=sweep@localhost")
-    return git(root, *author, "stash", "create").strip() or git(root, "rev-parse", "HEAD").strip()
+    with TemporaryDirectory() as folder:
+        index = shutil.copy(root / git(root, "rev-parse", "--git-path", "index").strip(), folder)
+        created = git(root, *author, "stash", "create", env={"GIT_INDEX_FILE": index})
+    return created.strip() or git(root, "rev-parse", "HEAD").strip()
 
 
 def _prepare(sweep: Sweep, clone: Path) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Glob, Override
+from hydra.core.override_parser.types import Glob, Override, Quote, QuotedString
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -26,7 +26,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import CONF
 from pipeline.sweep.job import Sweep, run_job
 
-BARE = re.compile(r"(?!(?:null|true|false|nan|inf)$)[^\W\d][\w./-]*", re.IGNORECASE)  # text that reads as nothing else
+BARE = re.compile(r"(?!(?:null|true|false|nan|inf)$)[a-z_][a-z_0-9./-]*", re.IGNORECASE)  # read as nothing but text
 # Hydra writes no files and no lines of its own: jobs do
 QUIET = ["hydra.sweep.subdir=.", "hydra.output_subdir=null"]
 QUIET += [f"hydra/{kind}_logging=disabled" for kind in ("job", "hydra")]
@@ -89,7 +89,9 @@ def canonical(value: Any) -> str:
         return f"[{','.join(map(canonical, value))}]"
     if isinstance(value, float):
         return str(int(value) if value.is_integer() else value)
-    return value if isinstance(value, str) and BARE.fullmatch(value) else json.dumps(value, ensure_ascii=False)
+    if not isinstance(value, str):
+        return json.dumps(value)
+    return value if BARE.fullmatch(value) else QuotedString(value, Quote.double).with_quotes()
 
 
 def value_of(cfg: DictConfig, name: str) -> str:
@@ -120,8 +122,7 @@ def launch(sweep: Sweep, plan: Plan) -> None:
     os.environ["PYTHONPATH"] = os.pathsep.join(paths)  # processes that launchers start import the same code
     chosen = ["hydra.sweeper.max_failure_rate=1"] if plan.jobs is None else []  # a failed job takes no other along
     ray = ["hydra.launcher.ray.init.address=local"] if "hydra/launcher=ray" in plan.overrides else []  # one of its own
-    quoted = str(sweep.folder).replace("'", "\\'")
-    folder = ["hydra.job.name=sweep", f"hydra.sweep.dir='{quoted}'"]
+    folder = ["hydra.job.name=sweep", f"hydra.sweep.dir={QuotedString(str(sweep.folder), Quote.single).with_quotes()}"]
     sys.argv[1:] = ["--multirun", *folder, *QUIET, *chosen, *ray, *plan.overrides]
     try:
         hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(task)()

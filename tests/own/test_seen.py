@@ -1,6 +1,7 @@
 """What stands on the table: told, against the empty table, or by the picture alone."""
 
 import json
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 from pipeline.own.folder import read_folder
+from pipeline.own.frame import Frame
+from pipeline.own.items import crosses_itself
 from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
-from pipeline.own.seen import ALONE, STACK, TOLD
+from pipeline.own.seen import ALONE, EMPTY, STACK, TOLD, look
 from pipeline.perception.empty import empty_table
 from tests.factories import RED, WHITE, draw_table
 from tests.own.folders import SCENES, edit, make_folder, whole, write_picture
@@ -120,6 +123,11 @@ def test_a_scene_told_to_be_empty_holds_nothing(path: Path):
             coco({}).replace('"images": [', '"images": [{"id": 9, "file_name": "a/breakfast.png"}, '),
             "lists an image twice",
         ),
+        "a category twice": (
+            coco({}).replace('"categories": [', '"categories": [{"id": 1, "name": "pan"}, '),
+            "lists a category twice",
+        ),
+        "no category": (coco({}).replace('"category_id"', '"kind"'), "annotations: 0: category_id: Field required"),
         "no json": ("{", "is no COCO file"),
         "a list": ("[]", "is no COCO file"),
     }.values(),
@@ -128,6 +136,22 @@ def test_a_wrong_outline_is_a_fault_with_what_to_do(path: Path, text: str, fault
     (path / "items.json").write_text(text)
     folder, faults = read_folder(path)
     assert folder is None and len(faults) == 1 and fault in faults[0], faults
+
+
+def test_items_beside_the_table_are_left_out_and_counted(path: Path):
+    (path / "table.yaml").write_text("corners: [[10, 10], [90, 10], [90, 90], [10, 90]]")
+    (path / "items.json").write_text(coco({}, {"segmentation": [[2, 2, 8, 2, 8, 8]]}))
+    folder, faults = read_folder(path)
+    assert folder is not None and faults.notes == ["items.json: 1 of 2 items of breakfast lie beside the table"]
+    assert folder.seen.objects.present[folder.scenes.index(SCENES[0])].sum() == 1
+
+
+def test_outlines_of_thousands_of_points_take_little_memory():
+    turns = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
+    tracemalloc.start()
+    assert not crosses_itself(np.stack([np.cos(turns), np.sin(turns)], -1))
+    assert tracemalloc.get_traced_memory()[1] < 5e6
+    tracemalloc.stop()
 
 
 def test_a_damaged_mask_is_a_fault(path: Path):
@@ -206,8 +230,22 @@ def test_pictures_of_several_tables_are_read_alone_and_what_is_unsure_is_named(p
     assert "less sure of 0, 1, 2, 3, 4, 5, 6, 7 than in training" in " ".join(said)
 
 
-def test_fewer_than_five_arrangements_give_no_empty_table():
-    assert empty_table(arrangements(4)) is None
+def test_fewer_than_five_arrangements_give_no_empty_table_however_many_pictures_show_them(path: Path):
+    pictures = arrangements(4)
+    assert empty_table(pictures) is None
+    for i, name in enumerate([*SCENES, "5", "6", "7", "8"]):  # five of one
+        write_picture(path / "scenes" / f"{name}.png", pictures[i % 4 if i < 4 else 0])
+    assert whole(path).from_pictures is None
+
+
+@pytest.mark.parametrize(("turn_deg", "zoom"), [(2, 1), (0, 1.03)])
+def test_where_the_camera_turned_or_came_nearer_the_picture_is_read_alone(turn_deg: float, zoom: float):
+    pictures, frame = arrangements(2), Frame((1.0, 1.0))
+    matrix = cv2.getRotationMatrix2D((200, 200), turn_deg, zoom)
+    pictures[1] = cv2.warpAffine(pictures[1], matrix, (400, 400), borderMode=cv2.BORDER_REPLICATE)
+    bare = np.median(arrangements(40), axis=0).astype(np.uint8)
+    seen = look(np.stack([frame.image(picture) for picture in pictures]), frame, {}, frame.image(bare), EMPTY)
+    assert seen.ways == [EMPTY, ALONE]
 
 
 def test_outlines_survive_their_file():
@@ -226,3 +264,4 @@ def test_a_click_proposes_the_items_outline(edge: tuple[float, float]):
     centre, radius = cv2.minEnclosingCircle(ring)
     np.testing.assert_allclose(centre, (350, 350), atol=5)
     assert 25 < radius < 36
+    assert len(propose(picture, point.tolist(), [-5000.0, 9000.0])) > 2

@@ -63,7 +63,7 @@ def test_resuming_runs_added_values_and_what_failed_alone_and_wrong_use_is_refus
     wrong = {
         "holds a sweep already": ["--multirun", *SMALL, "--folder", "swept"],
         "stage 'evaluates' is unknown": ["--multirun", *SMALL, "--folder", "x", "--stages", "evaluates"],
-        "nowhere/sweep.json": ["--resume", "nowhere"],
+        "nowhere holds no sweep": ["--resume", "nowhere"],
         "'bins': expected an override": ["--multirun", "evaluate.bins=5", "--folder", "x", "bins"],
         "expected --multirun": ["evaluate.bins=5,10"],
     }

@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import CONF, ROOT
 from pipeline.sweep.job import Sweep
-from pipeline.sweep.plan import make_plan, value_of
+from pipeline.sweep.plan import canonical, make_plan, value_of
 
 pytestmark = pytest.mark.slow  # composes conf/ for each case
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
@@ -42,6 +42,12 @@ def test_a_job_s_folder_is_named_by_what_it_does_not_share():
     sweep = Sweep(ROOT, Path("swept"), Path("cache"), {"fixed": ["clearance.rate=1.0"]})
     folder = sweep.job_folder(["clearance.rate=1.0", "variants.full.alpha=100", "evaluate.bins=5"])
     assert folder == Path("swept/jobs/evaluate.bins=5,variants.full.alpha=100")
+
+
+def test_a_value_s_text_is_read_as_the_value_whatever_its_letters():
+    for value in ("Zoë", "夕食", "NA", "1e5", "null", 'x"y', "x\\ny", "x\\", "a, b", ["مرحبا", None, 2]):
+        (read,) = OverridesParser.create().parse_overrides([f"a={canonical(value)}"])
+        assert canonical(read.value()) == canonical(value) and value in (read.value(), getattr(read.value(), "text", 0))
 
 
 def test_a_group_is_known_by_what_stands_where_it_is_put():

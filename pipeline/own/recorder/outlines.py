@@ -36,7 +36,7 @@ def propose(picture: UInt8[Array, "row column 3"], point: Sequence[float], edge:
     small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     centre = tuple(int(np.clip(round(x * scale), 0, n - 1)) for x, n in zip(point, small.shape[1::-1], strict=True))
     away = REACH_OVER_DRAG * float(np.hypot(*np.subtract(edge, point))) / max(picture.shape[:2])
-    reach = REACH if away < MIN_REACH else away
+    reach = REACH if away < MIN_REACH else min(away, 1.0)  # people drag out of the picture, too
     mask = np.full(small.shape[:2], cv2.GC_BGD, np.uint8)
     for radius, label in ((1, cv2.GC_PR_BGD), (LIKELY, cv2.GC_PR_FGD), (SURE, cv2.GC_FGD)):
         cv2.circle(mask, centre, max(1, round(radius * reach * WORKING_PX)), label, -1)

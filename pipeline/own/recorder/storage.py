@@ -302,7 +302,7 @@ def tidy_name(name: str) -> str:
     name = normal(name)
     if not 1 <= len(name) <= MAX_NAME or name.startswith(tuple("=+-@")) or not is_printable(name):
         expected = f"1 to {MAX_NAME} printable characters, and at the front no =, +, - or @, which a spreadsheet runs"
-        raise InputError(f"the name is {name!r}: expected {expected}")
+        raise InputError(f"the name is {name[:MAX_NAME]!r}: expected {expected}")
     return name
 
 
