@@ -86,9 +86,9 @@ def _differing(first: Path, second: Path) -> list[str]:
 
 
 def _varies(path: Path) -> bool:
-    """Whether a file holds hashes of recordings, whose digests are compared, or a sweep's durations."""
+    """Whether a file holds hashes of recordings, whose digests are compared, durations, or which stages ran."""
     dated = (path.parent / "sweep.json").is_file() and path.suffix != ".parquet"
-    return dated or path.name in ("job.json", "log.txt") or path.suffix in (".rrd", ".lock", ".pyc")
+    return dated or path.name in ("job.json", "log.txt", "processors.json") or path.suffix in (".rrd", ".lock", ".pyc")
 
 
 class Fault(NamedTuple):
