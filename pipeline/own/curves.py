@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from scipy.spatial import KDTree
 
@@ -19,6 +19,7 @@ from pipeline.world.layout import SIDE
 CONTROLS = r"^c\d_[xy]$"  # columns of control points
 DEGREES = (2, 3, 4, 5)  # of the curves that are fitted; one for the whole folder
 TRIED, BLOCKS = 40, 10  # demonstrations that choose the degree; parts of each, every other of which is left out
+TRIED_SAMPLES = 400  # of each, evenly in time: a fit takes as long as it has samples
 POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a curve that misses the hand by more is a poor fit
 MAX_NOISE_GAIN = 2.0  # of a fit; demonstrations of 12 samples evenly along a parabola have some 0.6
 ALONG_POINTS, WEAKEST = 257, 1e-6  # on a path; information of a control point that no sample determines
@@ -66,7 +67,8 @@ def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.Data
     out, in turn. Without two paths of enough samples the lowest degree is chosen.
     """
     long = [points for points in hands if len(points) >= 4 * max(DEGREES)]
-    tried = [long[i] for i in np.linspace(0, len(long) - 1, min(TRIED, len(long))).astype(int)]
+    some = [long[i] for i in evenly(len(long), TRIED)]
+    tried = [points[evenly(len(points), TRIED_SAMPLES)] for points in some]
     away = np.array([[_left_out(points, degree) for degree in DEGREES] for points in tried]).reshape(-1, len(DEGREES))
     table = pd.DataFrame({"degree": DEGREES, "demonstrations": len(tried)})
     if len(tried) < 2:
@@ -76,6 +78,11 @@ def choose_degree(hands: Sequence[Float[Array, "_ 2"]], scale: float) -> pd.Data
     error = (away - away[:, [best]]).std(0, ddof=1) / np.sqrt(len(tried))  # of the difference from the best
     chosen = int((middle <= middle[best] + error).argmax())
     return table.assign(left_out_m=middle / scale, error=error / scale, chosen=table.index == chosen)
+
+
+def evenly(count: int, most: int) -> Int[Array, " kept"]:
+    """Return at most `most` indices below `count`, evenly apart, with the first and the last."""
+    return np.linspace(0, count - 1, min(most, count)).astype(int)
 
 
 def _left_out(points: Float[Array, "sample 2"], degree: int) -> float:

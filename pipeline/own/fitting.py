@@ -20,6 +20,7 @@ from scipy.stats import beta, binomtest
 from pipeline import library
 from pipeline.models.base import ValidityModel
 from pipeline.models.clearance.clearance import OCCAM_NATS, PATH_SAMPLES
+from pipeline.own.curves import evenly
 from pipeline.own.folder import Folder
 from pipeline.perception.objects import FEATURES, Objects
 from pipeline.runtime.streams import job_seed, stream
@@ -252,7 +253,7 @@ def disagreement(fitted: Fitted, folder: Folder) -> pd.DataFrame:
     whether the user has demonstrations there. Scenes without any come first, as only they are new to all models.
     """
     shown = bezier(folder.controls(), PATH_SAMPLES)
-    some = shown[np.linspace(0, len(shown) - 1, min(COMPARED_PATHS, len(shown))).astype(int)]
+    some = shown[evenly(len(shown), COMPARED_PATHS)]
     paths = np.broadcast_to(some, (len(folder.scenes), *some.shape)).copy()
     apart = np.stack([model.probability(folder.seen.objects, paths) for model in fitted.fold_models]).std(0).mean(1)
     table = pd.DataFrame({"user": fitted.data.user, "scene": folder.scenes, "disagreement": apart.astype(float)})
