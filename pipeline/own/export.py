@@ -24,7 +24,7 @@ def write_exports(results: Results, folder: Path) -> None:
     """Write all of them into a folder."""
     text = "# Lengths in metres. docs/own-tables.md says what each line is.\n"
     known = {"users": {user: specification(results, user) for user in results.fitted}}
-    text += yaml.safe_dump(known, sort_keys=False, allow_unicode=True)
+    text += yaml_text(known)
     (folder / "specification.yaml").write_text(text, encoding="utf-8")
     (folder / "keep_out").mkdir()
     size_m, objects = results.folder.frame.size_m, results.folder.seen.objects
@@ -58,6 +58,18 @@ def specification(results: Results, user: str) -> dict[str, Any]:
                 kinds[kind]["keep_away"] = interval(kept.loc[(user, kind)], "radius_m")
     named = {item.kind for items in results.folder.told.values() for item in items if item.kind}
     return said | {"kinds": kinds, "never_tested": sorted(named - kinds.keys())}
+
+
+def yaml_text(values: dict[str, Any]) -> str:
+    """Return YAML that 1.1 and 1.2 read alike: PyYAML leaves 1e5 bare, which is a text in the former alone."""
+
+    class Dumper(yaml.SafeDumper): ...
+
+    def quoted(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
+        return dumper.represent_scalar(dumper.DEFAULT_SCALAR_TAG, text, style="" if text.isidentifier() else "'")
+
+    Dumper.add_representer(str, quoted)
+    return yaml.dump(values, Dumper=Dumper, sort_keys=False, allow_unicode=True)
 
 
 def keep_out(model: ValidityModel, seen: Any, size_m: tuple[float, float]) -> Bool[Array, "row column"]:

@@ -12,10 +12,12 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+import ruamel.yaml
 import yaml
 
 from pipeline import library
 from pipeline.own.__main__ import main
+from pipeline.own.export import yaml_text
 from pipeline.own.frame import Frame
 from pipeline.own.recorder.asking import Asking
 from pipeline.own.report import on_the_table
@@ -70,6 +72,12 @@ def test_the_report_of_the_example_says_what_its_users_do(example: Path):
     assert "Accuracy" in pd.read_csv(example / "tables" / "learning.csv"), "the csv below a table is that table"
     links = set(re.findall(r'(?:src|href|data)="([^"#:]+)"', page))
     assert links and all((example / link).is_file() for link in links)
+
+
+@pytest.mark.parametrize("name", ["1e5", "010", "null", "y", "2024-01-01", "a: b", "مها", 'say "x\\"', "0o17", "🙂"])
+def test_readers_of_both_yaml_versions_see_the_names_that_a_person_gave(name: str):
+    known = {name: {"verdict": "effect"}, "never_tested": [name]}
+    assert yaml.safe_load(yaml_text(known)) == ruamel.yaml.YAML(typ="safe").load(yaml_text(known)) == known
 
 
 @pytest.mark.slow
