@@ -19,7 +19,7 @@ from pipeline.world.layout import SIDE
 CONTROLS = r"^c\d_[xy]$"  # columns of control points
 DEGREES = (2, 3, 4, 5)  # of the curves that are fitted; one for the whole folder
 TRIED, BLOCKS = 40, 10  # demonstrations that choose the degree; parts of each, every other of which is left out
-TRIED_SAMPLES = 400  # of each, evenly in time: a fit takes as long as it has samples
+TRIED_SAMPLES = 200  # of each, evenly in time: a fit takes as long as it has samples
 POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a curve that misses the hand by more is a poor fit
 MAX_NOISE_GAIN = 2.0  # of a fit; demonstrations of 12 samples evenly along a parabola have some 0.6
 ALONG_POINTS, WEAKEST = 257, 1e-6  # on a path; information of a control point that no sample determines

@@ -6,13 +6,14 @@ Folds are groups of arrangements, so that a model never judges a scene it was fi
 import hashlib
 import json
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
+from joblib import cpu_count
 from numpy import ndarray as Array
 from scipy.spatial.distance import cdist
 from scipy.stats import beta, binomtest
@@ -23,6 +24,7 @@ from pipeline.models.clearance.clearance import OCCAM_NATS, PATH_SAMPLES
 from pipeline.own.curves import evenly
 from pipeline.own.folder import Folder
 from pipeline.perception.objects import FEATURES, Objects
+from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.crossed import Estimates, estimate, ratio
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error
@@ -30,6 +32,7 @@ from pipeline.stats.tests import MIN_PAIRS
 from pipeline.world.bezier import bezier
 
 VARIANT = "clearance"
+WORKERS = cpu_count()
 FOLDS = 5
 SHARES = (0.5, 1.0)  # of a fold's training scenes: whether more would help, and the cross-validation itself
 COMPARED_POINTS = 33  # of each of two curves, at the same parameters
@@ -100,33 +103,34 @@ class Fitted:
         return self.fold_models[fold[scene]] if scene in fold else self.model
 
 
-def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
-    """Fit one user's models and image-blind baselines."""
-    fold = folds(data)
-    predictors = [*((VARIANT, share) for share in SHARES), ("nearest_demonstration", 1.0), ("position_only", 1.0)]
-    p, models, paths = {key: np.empty(data.valid.shape) for key in predictors}, [], data.paths
+def fit_user(data: UserData) -> Fitted:
+    """Fit one user's models and image-blind baselines, with a progress bar."""
+    fold, paths, fitted_to = folds(data), data.paths, {}
     for k in range(fold.max() + 1):
-        progress(f"{data.user}: scenes of fold {k + 1} left out")
-        test, training = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
-        order = stream("own", data.user, "share", k).permutation(training)
+        order = stream("own", data.user, "share", k).permutation(np.flatnonzero(fold != k))
+        fitted_to |= {(k, share): np.sort(order[: max(2, round(share * len(order)))]) for share in SHARES}
+    jobs = [*fitted_to.values(), np.arange(len(data.scenes))]
+    *models, whole = map_jobs(partial(fit_on, data), jobs, WORKERS, desc=f"models of {data.user}")
+    without = dict(zip(fitted_to, models, strict=True))
+    predictors = [*((VARIANT, share) for share in SHARES), ("nearest_demonstration", 1.0), ("position_only", 1.0)]
+    p, real = {key: np.empty(data.valid.shape) for key in predictors}, data.real
+    for k in range(fold.max() + 1):
+        test, training = fold == k, fold != k
         for share in SHARES:
-            model = fit_on(data, np.sort(order[: max(2, round(share * len(order)))]))
-            p[VARIANT, share][test] = model.probability(data.objects[test], paths[test])
-        models.append(model)
-        valid = data.valid[training][data.real[training]]
-        away = apart(data.controls[test], data.controls[training][data.real[training]])
+            p[VARIANT, share][test] = without[k, share].probability(data.objects[test], paths[test])
+        valid = data.valid[training][real[training]]
+        away = apart(data.controls[test], data.controls[training][real[training]])
         p["nearest_demonstration", 1.0][test] = valid[away.argmin(-1)]
         weight = np.exp(-(away**2) / (2 * PRIOR_WIDTH_M**2)) + 1e-12
         p["position_only", 1.0][test] = weight @ valid / weight.sum(-1)
-    progress(f"{data.user}: all scenes")
-    whole, real = fit_on(data, np.arange(len(data.scenes))), data.real
     labels = {"scene": np.repeat(data.scenes, real.sum(1)), "arrangement": np.repeat(data.arrangement, real.sum(1))}
     labels |= {"demo": data.demo[real], "valid": data.valid[real]}
     judged = [
         pd.DataFrame({"user": data.user, "predictor": predictor, "share": share, **labels, "p": values[real]})
         for (predictor, share), values in p.items()
     ]
-    return Fitted(data, whole, fold, models, pd.concat(judged, ignore_index=True))
+    folded = [without[k, SHARES[-1]] for k in range(fold.max() + 1)]
+    return Fitted(data, whole, fold, folded, pd.concat(judged, ignore_index=True))
 
 
 def folds(data: UserData) -> Int[Array, " scene"]:

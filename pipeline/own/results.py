@@ -3,6 +3,7 @@
 import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import pandas as pd
 from jaxtyping import Float
@@ -13,6 +14,7 @@ from pipeline.own import asked, fitting, kinds
 from pipeline.own.fitting import VARIANT, Fitted, UserData, fit_user
 from pipeline.own.folder import Folder
 from pipeline.own.seen import compared
+from pipeline.runtime.parallel import map_jobs
 
 HEADLINES = ["accuracy", "ci_low", "ci_high", "balanced", "missed", "calibration_error"]
 
@@ -80,7 +82,7 @@ def _written(name: str) -> str:
 
 def compute(folder: Folder, given: asked.Given, progress: Callable[[str], object]) -> Results:
     """Fit all users' models and return all results; given: answers to `ask` (`asked.given`)."""
-    fitted = {user: fit_user(UserData.of(user, folder), progress) for user in folder.users}
+    fitted = {user: fit_user(UserData.of(user, folder)) for user in folder.users}
 
     def by_user(ask: Callable[[Fitted], pd.DataFrame]) -> pd.DataFrame:
         return pd.concat([ask(one) for one in fitted.values()], ignore_index=True)
@@ -102,8 +104,7 @@ def compute(folder: Folder, given: asked.Given, progress: Callable[[str], object
         tables["interventions"] = by_user(lambda one: kinds.effects(one, added, folder))
         tables["by_detector"] = by_user(lambda one: kinds.by_detector(one, added, folder))
         tables["distances"] = by_user(lambda one: kinds.envelopes(one, added, folder, tables["interventions"]))
-    progress("repairs")
-    repaired = [fitting.repairs(one, folder) for one in fitted.values()]
+    repaired = map_jobs(partial(fitting.repairs, folder=folder), list(fitted.values()), fitting.WORKERS, desc="repairs")
     for name, parts in zip(("repaired", "repaired_paths"), zip(*repaired, strict=True), strict=True):
         tables[name] = pd.concat(parts, ignore_index=True)
     progress("answers to `ask`")

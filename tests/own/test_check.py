@@ -312,7 +312,7 @@ MOVEMENTS = [
 @pytest.mark.parametrize("decimals", [9, 2])
 def test_what_a_hand_does_is_no_fault(extreme: dict, decimals: int):
     hand, rng, parts = Hand.of({**composed().demos.hand, **extreme}), np.random.default_rng(0), []
-    for demo, z_theta in enumerate(random_z_theta(rng, 40)):
+    for demo, z_theta in enumerate(random_z_theta(rng, 12)):
         rows = pd.DataFrame(simulate(rng, curve(z_theta, ARC_POINTS), hand)[:, :3].round(decimals), columns=list("txy"))
         parts.append(rows.assign(scene="a", user="b", demo=f"{demo:03}", valid=True, name=str(demo)))
     samples, faults = pd.concat(parts, ignore_index=True), Faults()

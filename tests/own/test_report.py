@@ -16,6 +16,7 @@ import ruamel.yaml
 import yaml
 
 from pipeline import library
+from pipeline.own import fitting
 from pipeline.own.__main__ import main
 from pipeline.own.export import yaml_text
 from pipeline.own.frame import Frame
@@ -31,6 +32,7 @@ HOSTILE = {"Ana": '<script>alert("x")</script>', "Jürgen": "=HYPERLINK(1)$_{2}"
 
 def fewer_steps(patch: pytest.MonkeyPatch, steps: int) -> None:
     patch.setitem(library.TRAINING["clearance"], "steps", steps)
+    patch.setattr(fitting, "WORKERS", 1)  # other processes would not know
 
 
 @pytest.fixture(scope="module")

@@ -173,7 +173,7 @@ def test_the_report_sets_answers_beside_the_models_and_counts_what_was_accepted(
     monkeypatch.setattr(fitting, "SHARES", (1.0,))
     asking = Asking(folder, "Ana", 10.0)
     answer(asking, 30, accepts=lambda trial: asking.kept["Ana"].plan["condition"][trial] != "cup")
-    fitted = {"Ana": fitting.fit_user(fitting.UserData.of("Ana", folder), lambda _: None)}
+    fitted = {"Ana": fitting.fit_user(fitting.UserData.of("Ana", folder))}
     placing = Placing(folder, "Ana", 10.0)
     told, photograph = placing.begin(user="Ana"), (folder.path / "scenes" / "tea.png").read_bytes()
 
