@@ -48,6 +48,7 @@ def test_an_installed_package_says_that_a_verb_works_in_a_clone():
     assert "works in a clone of the repository" in specs("sweep", before=before).stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [("check", "nowhere"), ("report", "nowhere"), ("sweep", "--none"), ("nonsense",)])
 def test_a_mistake_ends_in_a_sentence_and_not_in_0(arguments: tuple[str, ...]):
     done = specs(*arguments)

@@ -51,6 +51,7 @@ def imports() -> grimp.ImportGraph:
     return grimp.build_graph("pipeline", "studies", "making", cache_dir=None)
 
 
+@pytest.mark.slow
 def test_each_stage_lists_every_package_it_imports_and_none_in_vain(imports: grimp.ImportGraph):
     """What stands in a matrix is listed for all of its stages: one of them has to import it."""
     stages, missing, needed, listed = all_stages(), [], set(), set()

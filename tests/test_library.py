@@ -133,6 +133,7 @@ def assert_undisturbed(names, seed: int, expected: list, *arguments) -> None:
         assert state() == before
 
 
+@pytest.mark.slow
 def test_the_callers_torch_changes_no_result_and_stays_as_it_was(few, tmp_path):
     expected = all_results(few, "clearance", tmp_path)
 

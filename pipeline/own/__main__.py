@@ -60,12 +60,8 @@ def main(arguments: list[str]) -> int:
     if verb == "check":
         return 0
     check_replaceable(out := path / "report")
-
-    def progress(step: str) -> None:
-        print(f"{time.monotonic() - begin:4.0f} s  {step}", flush=True)
-
-    write_report(compute(folder, answers, progress), out)
-    progress(f"wrote {out / 'index.html'}")
+    write_report(compute(folder, answers), out)
+    print(f"wrote {out / 'index.html'} after {time.monotonic() - begin:.0f} s")
     return 0
 
 

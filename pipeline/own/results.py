@@ -80,14 +80,14 @@ def _written(name: str) -> str:
     return name.replace("\\", "\\\\").replace("$", r"\$") if can else ""
 
 
-def compute(folder: Folder, given: asked.Given, progress: Callable[[str], object]) -> Results:
-    """Fit all users' models and return all results; given: answers to `ask` (`asked.given`)."""
+def compute(folder: Folder, given: asked.Given) -> Results:
+    """Fit all users' models and return all results, with progress bars; given: answers to `ask` (`asked.given`)."""
     fitted = {user: fit_user(UserData.of(user, folder)) for user in folder.users}
 
-    def by_user(ask: Callable[[Fitted], pd.DataFrame]) -> pd.DataFrame:
-        return pd.concat([ask(one) for one in fitted.values()], ignore_index=True)
+    def by_user(desc: str, ask: Callable[[Fitted], pd.DataFrame]) -> pd.DataFrame:
+        return pd.concat(map_jobs(ask, list(fitted.values()), fitting.WORKERS, desc), ignore_index=True)
 
-    judged = by_user(lambda one: one.judged)
+    judged = pd.concat([one.judged for one in fitted.values()], ignore_index=True)
     tables = {
         "demonstrations": folder.demos,
         "degrees": folder.degrees,
@@ -95,19 +95,19 @@ def compute(folder: Folder, given: asked.Given, progress: Callable[[str], object
         "scores": (scored := fitting.scores(judged)),
         "seeing": fitting.gain_from_seeing(judged, scored),
         "enough": fitting.enough(judged, VARIANT),
-        "disagreement": by_user(lambda one: fitting.disagreement(one, folder)),
+        "disagreement": by_user("disagreement", lambda one: fitting.disagreement(one, folder)),
     }
-    progress("interventions")
-    placed = {kind: kinds.add_kind(folder, kind) for kind in sorted(folder.cutouts)}
-    added = {kind: places for kind, places in placed.items() if places is not None}
+    kinds_named = sorted(folder.cutouts)
+    placed = map_jobs(partial(kinds.add_kind, folder), kinds_named, fitting.WORKERS, "items added")
+    added = {kind: places for kind, places in zip(kinds_named, placed, strict=True) if places is not None}
     if added:
-        tables["interventions"] = by_user(lambda one: kinds.effects(one, added, folder))
-        tables["by_detector"] = by_user(lambda one: kinds.by_detector(one, added, folder))
-        tables["distances"] = by_user(lambda one: kinds.envelopes(one, added, folder, tables["interventions"]))
-    repaired = map_jobs(partial(fitting.repairs, folder=folder), list(fitted.values()), fitting.WORKERS, desc="repairs")
+        effects = by_user("interventions", lambda one: kinds.effects(one, added, folder))
+        tables["interventions"] = effects
+        tables["by_detector"] = by_user("detector's part", lambda one: kinds.by_detector(one, added, folder))
+        tables["distances"] = by_user("distances kept", lambda one: kinds.envelopes(one, added, folder, effects))
+    repaired = map_jobs(partial(fitting.repairs, folder=folder), list(fitted.values()), fitting.WORKERS, "repairs")
     for name, parts in zip(("repaired", "repaired_paths"), zip(*repaired, strict=True), strict=True):
         tables[name] = pd.concat(parts, ignore_index=True)
-    progress("answers to `ask`")
     tables |= asked.tables(folder, fitted, given.kept)
     unlisted = 0
     if folder.told:

@@ -61,6 +61,7 @@ def test_every_model_reads_a_curve_whatever_points_it_is_given_by(variant: str):
     np.testing.assert_allclose(p, from_fine, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_fitted_model_repairs_curves_between_their_ends_and_says_where_it_cannot(monkeypatch):
     monkeypatch.setitem(library.TRAINING["clearance"], "steps", 60)
     valid = line_clearance(LAYOUTS, POINTS).min(-1) > 0.03

@@ -308,6 +308,7 @@ MOVEMENTS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extreme", MOVEMENTS, ids=str)
 @pytest.mark.parametrize("decimals", [9, 2])
 def test_what_a_hand_does_is_no_fault(extreme: dict, decimals: int):
@@ -321,6 +322,7 @@ def test_what_a_hand_does_is_no_fault(extreme: dict, decimals: int):
     assert not faults
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [5, 6, 9])
 def test_a_path_that_passes_is_determined_by_its_samples(rows: int):
     """Irregular exact rows give back the path, or are refused."""
@@ -335,6 +337,7 @@ def test_a_path_that_passes_is_determined_by_its_samples(rows: int):
     assert len(misses) > 20 and np.quantile(misses, 0.95) < 0.02
 
 
+@pytest.mark.slow
 def test_paths_of_many_samples_that_the_curves_cannot_follow_are_poor_and_no_fault():
     """The degree is that of most paths. A curve of it near an S of a higher degree may fold, which no sample tells."""
     s_shape = np.array([[0.922, 0.488], [0.725, 0.697], [0.532, 0.231], [0.334, 0.675], [0.139, 0.44]])
@@ -351,6 +354,7 @@ def test_paths_of_many_samples_that_the_curves_cannot_follow_are_poor_and_no_fau
     assert not faults and (demos["noise_gain"] > MAX_NOISE_GAIN).any()
 
 
+@pytest.mark.slow
 def test_a_parabola_is_enough_for_parabolas_and_not_for_s_shapes():
     rng = np.random.default_rng(0)
     hand = Hand.of({**composed().demos.hand, "drift_m": 0.0})

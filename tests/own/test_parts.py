@@ -43,6 +43,7 @@ def test_scenes_with_fewer_demonstrations_repeat_them_and_only_real_ones_are_sco
     assert np.array_equal(data.controls[tea, 1], data.controls[tea, 3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_kind", [True, False])
 def test_relevance_is_of_named_kinds_unless_appearance_explains_the_labels_better(by_kind: bool):
     """One item in each of twelve scenes; paths beside it are invalid for one of two kinds, or of two sizes."""
@@ -69,6 +70,7 @@ def test_relevance_is_of_named_kinds_unless_appearance_explains_the_labels_bette
     assert (((model.probability(objects, data.paths) > 0.5) == valid).mean()) > 0.95
 
 
+@pytest.mark.slow
 def test_doubt_is_that_of_the_segmenters_training_and_not_of_these_pictures(folder: Folder):
     data = UserData.of("Ana", folder)
     data = replace(data, objects=replace(data.objects, doubt=np.full(len(data.scenes), 2, np.float32)))

@@ -201,6 +201,7 @@ def test_a_moved_camera_and_another_light_are_named(tmp_path: Path):
     assert empty is not None and empty.moved == [3] and empty.relit == [7]
 
 
+@pytest.mark.slow
 def test_pictures_that_the_empty_table_does_not_fit_are_read_alone_and_what_never_moves_is_said(path: Path):
     pictures = arrangements(12)
     for picture in pictures:

@@ -24,6 +24,7 @@ def test_wilcoxon_is_the_exact_permutation_test(rounded: bool):
         assert paired_wilcoxon(differences, np.zeros_like(differences)) == pytest.approx(extreme.mean())
 
 
+@pytest.mark.slow
 def test_holm_agrees_with_statsmodels_family_by_family():
     families = rng(1).random((5, 12)) ** 3
     expected = [multipletests(p, method="holm")[1] for p in families]

@@ -36,6 +36,7 @@ def test_tables_count_people_and_kinds():
     assert false_effects(table.assign(verdict="effect")).iloc[0][["people", "false"]].tolist() == [1, 1.0]
 
 
+@pytest.mark.slow
 def test_designed_tables_tell_a_rule_in_fewer_labels_than_random_ones():
     jobs = pd.DataFrame([(choice, person) for choice in CHOICES for person in range(4)], columns=["choice", "person"])
     counts = [labels(choice, 2, [0.0, 0.02, 0.045], 8, 0.0, rng(person)) for choice, person in jobs.to_numpy()]

@@ -60,6 +60,7 @@ def test_rows_and_columns_that_a_person_wrote_stay(recordings: Recordings):
     assert lines[2].startswith(",second,Zoë,1,0.000,0.0800,0.0800,false")
 
 
+@pytest.mark.slow
 def test_threads_that_store_at_once_lose_nothing(recordings: Recordings):
     paths = [[START, (0.3, 0.3 + 0.01 * i), GOAL] for i in range(24)]
     with ThreadPoolExecutor(8) as pool:
