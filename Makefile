@@ -69,7 +69,7 @@ data-here: $(READY)
 	  else echo 'store/ never had them: `dvc push $(DATA)` where they are'; fi)" >&2; exit 1; }
 	@dvc fetch --quiet --remote store studies/*/dvc.yaml 2> /dev/null || true  # into the cache alone, for `dvc checkout`: `make studies` computes them
 
-test: data-here  ## ruff, pyright, spelling, the test suite; `pytest -n 2 -m "not slow"` takes some 75 s
+test: data-here  ## ruff, pyright, spelling, the test suite; `pytest -n 2 -m "not slow"` takes some three minutes
 	ruff check . && ruff format --check .
 	pyright
 	codespell README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies reports
