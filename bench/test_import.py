@@ -33,6 +33,7 @@ def test_a_large_bag(benchmark, tmp_path: Path, storage, size: str):
     pixels = np.minimum(cv2.resize(table, (1200, 800)), 247) + noise
     t, x, y = np.transpose(hand(DEMOS))
     times = np.arange(0, t[-1], 1 / POSES_HZ)
+    times = times[np.diff(t)[np.searchsorted(t, times, "right") - 1] < 1]  # the hand is carried back unseen
     poses = zip(times, np.interp(times, t, x), np.interp(times, t, y), strict=True)
     entries = [(moment, "/hand", bags.posed(moment, *place)) for moment, *place in poses]
     picture = bags.image(0, pixels, "rgb8")

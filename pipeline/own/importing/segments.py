@@ -125,12 +125,18 @@ def cut(recording: Recording, metres: Float[Array, "n 2"], choices: Choices, mid
 
 
 def without_ways_back(metres: Float[Array, "n 2"], runs: list[Array]) -> list[Array]:
-    """Return the rows of those movements that do not lead from the end of the one before back to its start."""
+    """Return the rows of those movements that do not lead from the end of the one before back to its start.
+
+    After a movement that ended where it began, none is a way back.
+    """
     kept = runs[:1]
     for rows in runs[1:]:
         before = metres[kept[-1][[0, -1]]]
-        away = np.linalg.norm(metres[rows[[-1, 0]]] - before, axis=1).max()
-        if away > NEAR * np.linalg.norm(before[1] - before[0]):
+        away, length = (
+            np.linalg.norm(metres[rows[[-1, 0]]] - before, axis=1).max(),
+            np.linalg.norm(before[1] - before[0]),
+        )
+        if length < MIN_PATH_M or away > NEAR * length:
             kept.append(rows)
     return kept
 

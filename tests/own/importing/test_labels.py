@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
+from pipeline.own.importing.segments import without_ways_back
 from tests.own.importing import bags
 from tests.own.importing.test_import import HZ, assert_is_hand, hand, imported, write_csv
 
@@ -48,6 +49,12 @@ def test_a_way_back_is_left_out_and_the_label_after_it_is_the_demonstration_s(
     demos, folder = imported(bags.write(tmp_path / "bag", entries), "--label", "/ok")
     assert demos.groupby("scene")["valid"].first().tolist() == labels
     assert ("left out: 2" in capsys.readouterr().out) == (segments == "stops") and not [*(folder / "scenes").iterdir()]
+
+
+def test_after_a_movement_that_ends_where_it_began_none_is_a_way_back():
+    there_and_back = np.tile(1 - np.abs(np.linspace(-1, 1, 51)), 3)
+    metres = np.stack([0.1 + 0.8 * there_and_back, there_and_back**2], axis=1)
+    assert len(without_ways_back(metres, np.split(np.arange(153), 3))) == 3
 
 
 def test_a_hand_that_keeps_to_a_line_is_remarked(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
