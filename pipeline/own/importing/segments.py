@@ -132,10 +132,8 @@ def without_ways_back(metres: Float[Array, "n 2"], runs: list[Array]) -> list[Ar
     kept = runs[:1]
     for rows in runs[1:]:
         before = metres[kept[-1][[0, -1]]]
-        away, length = (
-            np.linalg.norm(metres[rows[[-1, 0]]] - before, axis=1).max(),
-            np.linalg.norm(before[1] - before[0]),
-        )
+        away = np.linalg.norm(metres[rows[[-1, 0]]] - before, axis=1).max()
+        length = np.linalg.norm(before[1] - before[0])
         if length < MIN_PATH_M or away > NEAR * length:
             kept.append(rows)
     return kept
