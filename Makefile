@@ -41,7 +41,7 @@ $(VENV)/.robot: requirements-robot.lock $(READY)
 
 repro: data-here  ## the paper: data from the store, every stage, the report
 	dvc repro
-	@[ -d outputs/record/runs ] || python -m pipeline.stages.record --params params.yaml  # git has their digests, for which DVC skips the stage
+	@cmp -s {reports/recordings,outputs/record/runs}/recordings.csv || python -m pipeline.stages.record --params params.yaml  # DVC skips it where git has its results
 	@dvc metrics show --md
 	@echo "report: $(CURDIR)/reports/index.html"
 
@@ -169,5 +169,5 @@ render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of 
 	    PYTHONPATH=. .venv-rendered/bin/python -m making.render --split $$1 --seed $$2 --into rendered/pictures/$$1; shift 2; done
 	dvc add rendered/pictures && dvc push --remote store rendered/pictures.dvc
 
-clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
-	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom .venv-wheel api dist sbom.json .benchmarks multirun demo tables .dvc/cache .dvc/tmp
+clean:  ## remove environments, demo/, other products but sweeps, and DVC's cache, with the results that nobody pushed
+	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom .venv-wheel api dist sbom.json .benchmarks demo tables .dvc/cache .dvc/tmp

@@ -12,7 +12,13 @@ from pipeline.runtime.places import ROOT
 
 
 def specs(*arguments: str, before: str = "") -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", f"import sys; {before}from pipeline.cli import main; sys.exit(main())", *arguments]
+    """Run as from the script that pip installs: nothing of the current folder can be imported."""
+    command = [
+        sys.executable,
+        "-Pc",
+        f"import sys; {before}from pipeline.cli import main; sys.exit(main())",
+        *arguments,
+    ]
     return subprocess.run(command, capture_output=True, text=True)
 
 
@@ -46,6 +52,11 @@ def test_a_verb_whose_packages_are_not_installed_names_its_extra(verb: str, pack
 def test_an_installed_package_says_that_a_verb_works_in_a_clone():
     before = "import pathlib, pipeline.runtime.places as places; places.ROOT = pathlib.Path('nowhere'); "
     assert "works in a clone of the repository" in specs("sweep", before=before).stderr
+
+
+@pytest.mark.slow
+def test_a_sweep_of_the_installed_command_checks_parameters_of_studies_too():
+    assert "studies.shift.scenes" in specs("sweep", "--multirun", "studies.shift.scenes=0").stderr
 
 
 @pytest.mark.slow

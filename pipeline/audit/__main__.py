@@ -14,6 +14,8 @@ Exit status: 0 if everything agrees, or no verdict changed and no headline is wo
 import argparse
 import sys
 
+import yaml
+
 from pipeline.audit.consistency import audit
 from pipeline.audit.difference import Commit, Difference, compare
 from pipeline.audit.rerun import outputs, run
@@ -72,5 +74,5 @@ def _is_worse(d: Difference) -> bool:
 
 if __name__ == "__main__":
     forget_repository()
-    with reported(OSError):
+    with reported(OSError, yaml.YAMLError):
         sys.exit(main(sys.argv[1:]))

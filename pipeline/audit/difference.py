@@ -41,7 +41,10 @@ class Commit(NamedTuple):
         text = self.file(METRICS)
         if not text:
             raise InputError(f"commit {self.revision} has no {METRICS}: choose one with results")
-        return flat(json.loads(text))
+        try:
+            return flat(json.loads(text))
+        except ValueError as error:
+            raise InputError(f"{METRICS} of commit {self.revision} cannot be read: {error}") from error
 
 
 @dataclass(frozen=True)

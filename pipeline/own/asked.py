@@ -76,10 +76,11 @@ def real_trials(sitting: Sitting) -> pd.DataFrame:
     return trials[kinds_only & trials["near"].astype(bool) & (trials["repeats"] < 0)]
 
 
-def digest(path: Path) -> str:
-    """Return a digest of what trials are made of: pictures, corners and cut-outs, no file that a system adds."""
+def digest(path: Path, *others: str) -> str:
+    """Return a digest of what trials are made of, pictures, corners and cut-outs, and of other files of the folder."""
     cutouts = [file for kind in sorted(path.glob(f"{KINDS}/[!.]*/")) for file in files.listed(kind, ".png")]
-    used = [path / SETTINGS, path / CUTOUTS, *files.listed(path / SCENES, *files.ENDINGS), *cutouts]
+    named = (path / name for name in (SETTINGS, CUTOUTS, *others))
+    used = [*named, *files.listed(path / SCENES, *files.ENDINGS), *cutouts]
     parts = [f"{file.relative_to(path)}".encode() + file.read_bytes() for file in used if file.is_file()]
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 

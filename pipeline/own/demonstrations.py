@@ -34,6 +34,10 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
     samples = read_checked(path / file, scenes, faults)
     if samples is not None and samples.empty:
         faults.append(f"{file} has no row below its header: expected demonstrations")
+    if samples is not None:
+        judged = samples.groupby(KEY)["valid"].transform("max") != ""
+        half = "valid is empty, but not in all rows of demonstration ({scene}, {user}, {demo}): write the word in all"
+        faults.rows(file, samples[judged & (samples["valid"] == "")], half)
     if samples is None or len(faults) > before:
         return None
     if count := len(bare := samples[samples["valid"] == ""].drop_duplicates(KEY)):

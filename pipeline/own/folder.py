@@ -15,10 +15,10 @@ from numpy import ndarray as Array
 from pipeline.own import files
 from pipeline.own.curves import CONTROLS, POOR_ABOVE_M, fit_demonstrations
 from pipeline.own.demonstrations import MIN_SCENES, read_samples
-from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCENES, SETTINGS, Faults, Settings, normal
+from pipeline.own.files import DEMONSTRATIONS, ENDINGS, KEY, KINDS, SCENES, SETTINGS, Faults, Settings
 from pipeline.own.frame import Frame, outline, rectify
 from pipeline.own.items import COCO, MASKS, Told, Views, read_items
-from pipeline.own.pictures import read_cutout, read_picture
+from pipeline.own.pictures import read_cutouts, read_picture
 from pipeline.own.seen import ALONE, EMPTY, STACK, Seen, detect, look
 from pipeline.perception.empty import MIN_PICTURES, Empty, empty_table
 from pipeline.perception.objects import Object
@@ -207,7 +207,7 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
         samples = read_samples(path, scenes, settings, faults)
     except InputError as error:
         faults += str(error).splitlines()
-    cutouts = _read_cutouts(path, faults)
+    cutouts = read_cutouts(path, settings, faults)
     if settings is None:
         return None, faults
     by_scene = settings.corners if isinstance(settings.corners, dict) else {}
@@ -228,6 +228,10 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
         faults.append(f"{named[0].name} needs a fixed camera, and corners differ by scene: remove one of them")
     elif named:
         bare = _read_canvas(named[0], named[0].name, settings.corners_of(""), settings, faults)
+    shapes = {size: name for name, size in (sizes | ({named[0].name: bare[1]} if bare else {})).items()}
+    if isinstance(settings.corners, np.ndarray) and len(shapes) > 1:
+        differ = "; ".join(f"{name} has {width} x {height} pixels" for (width, height), name in shapes.items())
+        faults.append(f"{SETTINGS}: corners for all, and {differ}: expected pictures of one size, or corners of each")
     if faults or samples is None:
         return None, faults
     frame = Frame((float(settings.size_m[0]), float(settings.size_m[1])))
@@ -268,32 +272,3 @@ def _read_canvas(
             return canvas, (width, height)
         faults.append(f"{name} is black where the table should be: expected a picture of it, or other corners")
     return None
-
-
-def _read_cutouts(path: Path, faults: Faults) -> dict[str, list[tuple[Array, float]]]:
-    """Return each kind's cut-outs with the width of their pictures [m]; add a fault for a kind without one."""
-    folders = {normal(folder.name): folder for folder in sorted(path.glob(f"{KINDS}/[!.]*/"))}
-    if not (path / CUTOUTS).is_file():
-        if folders:
-            faults.append(f"{CUTOUTS} is missing: expected the columns kind, file, width_m and a row for each cut-out")
-        return {}
-    table = files.read_checked(path / CUTOUTS, None, faults)
-    if table is None:
-        return {}
-    pictures = {(kind, normal(file.name)): file for kind in folders for file in files.listed(folders[kind], ".png")}
-    cutouts: dict[str, list[tuple[Array, float]]] = {}
-    for row, kind, file, width in table.itertuples(name=None):
-        name = f"{KINDS}/{kind}/{file}"
-        try:
-            if (kind, file) not in pictures:
-                raise InputError(f"{name} is missing: add the cut-out, or remove the row")
-            if not 0 < width <= files.SIDES_M[1]:
-                raise InputError(f"width_m is {width:g}: expected the picture's width in metres, above 0")
-            cutouts.setdefault(kind, []).append((read_cutout(pictures[kind, file], name), width))
-        except (InputError, OSError) as error:
-            faults.append(f"{CUTOUTS}, row {row}: {error}")
-    for kind in sorted(folders.keys() - {kind for kind, _ in pictures}):
-        faults.append(f"{KINDS}/{kind} holds no cut-out: add a png with a transparent background, or remove it")
-    for kind, file in sorted(pictures.keys() - set(zip(table["kind"], table["file"], strict=True))):
-        faults.append(f"{KINDS}/{kind}/{file} has no row in {CUTOUTS}: add one with its width_m")
-    return cutouts

@@ -105,7 +105,8 @@ def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
             faults += [f"{name}: {fault}" for fault in _faults_of(scene, items, views)]
             if beside := [kind for kind, parts in items if all(map(views.is_beside, parts))]:
                 faults.notes.append(f"{name}: {len(beside)} of {len(items)} items of {scene} lie beside the table")
-            told[scene], owner[scene] = items, name
+            told[scene] = [item for item in items if not all(map(views.is_beside, item.parts))]
+            owner[scene] = name
     return told
 
 

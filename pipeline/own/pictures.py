@@ -7,6 +7,8 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
+from pipeline.own import files
+from pipeline.own.files import CUTOUTS, KINDS, Faults, Settings, normal
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
 from pipeline.world.images import decode, image_size
@@ -61,3 +63,34 @@ def _eight_bits(pixels: Array, name: str) -> Array:
         came = f"{name} has 16 bits a channel, and its brightest value is {highest:,}"
         raise InputError(f"{came}: expected 65,535 for white; scale all pictures alike, or save them with 8 bits")
     return np.rint(pixels * (255 / 65535)).astype(np.uint8)
+
+
+def read_cutouts(path: Path, settings: Settings | None, faults: Faults) -> dict[str, list[tuple[Array, float]]]:
+    """Return each kind's cut-outs with the width of their pictures [m]; add a fault for a kind without one."""
+    folders = {normal(folder.name): folder for folder in sorted(path.glob(f"{KINDS}/[!.]*/"))}
+    if not (path / CUTOUTS).is_file():
+        if folders:
+            faults.append(f"{CUTOUTS} is missing: expected the columns kind, file, width_m and a row for each cut-out")
+        return {}
+    table = files.read_checked(path / CUTOUTS, None, faults)
+    if table is None:
+        return {}
+    pictures = {(kind, normal(file.name)): file for kind in folders for file in files.listed(folders[kind], ".png")}
+    cutouts: dict[str, list[tuple[Array, float]]] = {}
+    side = files.SIDES_M[1] if settings is None else settings.size_m.max()
+    for row, kind, file, width in table.itertuples(name=None):
+        name = f"{KINDS}/{kind}/{file}"
+        try:
+            if (kind, file) not in pictures:
+                raise InputError(f"{name} is missing: add the cut-out, or remove the row")
+            if not 0 < width <= side:
+                most = f"at most the table's longer side, {side:g}"
+                raise InputError(f"width_m is {width:g}: expected the picture's width in metres, above 0 and {most}")
+            cutouts.setdefault(kind, []).append((read_cutout(pictures[kind, file], name), width))
+        except (InputError, OSError) as error:
+            faults.append(f"{CUTOUTS}, row {row}: {error}")
+    for kind in sorted(folders.keys() - {kind for kind, _ in pictures}):
+        faults.append(f"{KINDS}/{kind} holds no cut-out: add a png with a transparent background, or remove it")
+    for kind, file in sorted(pictures.keys() - set(zip(table["kind"], table["file"], strict=True))):
+        faults.append(f"{KINDS}/{kind}/{file} has no row in {CUTOUTS}: add one with its width_m")
+    return cutouts

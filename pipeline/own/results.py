@@ -11,6 +11,7 @@ from matplotlib.font_manager import findfont, get_font
 from numpy import ndarray as Array
 
 from pipeline.own import asked, fitting, kinds
+from pipeline.own.files import DEMONSTRATIONS
 from pipeline.own.fitting import VARIANT, Fitted, UserData, fit_user
 from pipeline.own.folder import Folder
 from pipeline.own.seen import compared
@@ -29,6 +30,7 @@ class Results:
     tables: dict[str, pd.DataFrame]  # with a row an observation, without those that the folder cannot fill
     unlisted: int  # detected objects that are not listed
     apart: int  # sittings of `ask` that are left out
+    state: str  # digest of pictures, cut-outs and demonstrations
 
     def table(self, name: str) -> pd.DataFrame:
         """Return a table by its name, which is also how a number of it names its source."""
@@ -70,7 +72,7 @@ class Results:
         counted |= {"degree": int(self.tables["degrees"].query("chosen")["degree"].iloc[0])}
         if "detections" in self.tables:
             counted["recall"] = round(float(self.tables["detections"]["detected"].mean()), 6)
-        return {"users": scores.astype(float).round(6).to_dict("index"), **counted}
+        return {"state": self.state, "users": scores.astype(float).round(6).to_dict("index"), **counted}
 
 
 def _written(name: str) -> str:
@@ -82,6 +84,7 @@ def _written(name: str) -> str:
 
 def compute(folder: Folder, given: asked.Given) -> Results:
     """Fit all users' models and return all results, with progress bars; given: answers to `ask` (`asked.given`)."""
+    state = asked.digest(folder.path, DEMONSTRATIONS)
     fitted = {user: fit_user(UserData.of(user, folder)) for user in folder.users}
 
     def by_user(desc: str, ask: Callable[[Fitted], pd.DataFrame]) -> pd.DataFrame:
@@ -112,4 +115,4 @@ def compute(folder: Folder, given: asked.Given) -> Results:
     unlisted = 0
     if folder.told:
         tables["detections"], unlisted = compared(folder.seen, folder.scenes)
-    return Results(folder, fitted, added, tables, unlisted, given.apart)
+    return Results(folder, fitted, added, tables, unlisted, given.apart, state)

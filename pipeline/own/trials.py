@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,12 @@ import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray as Array
 
+from pipeline.artifacts.files import read_json
 from pipeline.causal import experiment
 from pipeline.causal.experiment import LOOKS, NEAR_M, STICKER, UNCHANGED
 from pipeline.own import kinds
 from pipeline.own.asked import DETOUR, ORIGINAL, REPAIR, STICKER_M, VALID, digest, sticker
-from pipeline.own.files import KEY, KINDS
+from pipeline.own.files import DEMONSTRATIONS, KEY, KINDS
 from pipeline.own.fitting import REPAIRED_POINTS as POINTS
 from pipeline.own.folder import Folder
 from pipeline.runtime.errors import InputError
@@ -86,13 +88,19 @@ def accepted_paths(folder: Folder, user: str) -> dict[str, dict[str, Any]]:
     }
 
 
+def has_report(path: Path) -> bool:
+    """Return whether a folder's report is about the pictures, cut-outs and demonstrations that are there now."""
+    file = path / "report" / "metrics.json"
+    return file.is_file() and read_json(file).get("state") == digest(path, DEMONSTRATIONS)
+
+
 def repairs(folder: Folder, user: str, rng: np.random.Generator) -> dict[str, dict[str, Any]]:
-    """Return repairs of the last report with their originals, and a wide detour in the same scene; none without one."""
-    file = folder.path / "report" / "tables" / "repaired.parquet"
-    if not file.is_file():
+    """Return repairs of the last report with their originals, and wide detours in the same scenes; {} without one."""
+    if not has_report(folder.path):
         return {}
+    file = folder.path / "report" / "tables" / "repaired.parquet"
     table, points = pd.read_parquet(file).dropna(), pd.read_parquet(file.with_name("repaired_paths.parquet"))
-    table = table[(table["user"] == user) & table["scene"].isin(folder.scenes) & (table["moved_m"] > 0)]
+    table = table[(table["user"] == user) & (table["moved_m"] > 0)]
     table = table.sample(frac=1, random_state=int(rng.integers(2**31))).sort_values("scene", kind="stable")
     turn = table.groupby("scene").cumcount()
     made: dict[str, dict[str, Any]] = {}
@@ -100,8 +108,6 @@ def repairs(folder: Folder, user: str, rng: np.random.Generator) -> dict[str, di
         key = pd.Series({"user": user, "scene": row.scene, "demo": row.demo})[KEY]
         demo, end = (table[(table[KEY] == key).all(axis=1)] for table in (folder.demos, points))
         controls = folder.controls(demo)
-        if not len(controls) or not len(end):
-            continue  # of a report on an earlier state of the folder
         lines = {ORIGINAL: folder.frame.to_table(bezier(controls[0], POINTS)), REPAIR: end[["x", "y"]].to_numpy()}
         lines[DETOUR] = detour(folder, folder.scenes.index(row.scene), controls[0], rng)
         for role, line in lines.items():

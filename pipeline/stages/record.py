@@ -63,6 +63,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     table = pd.DataFrame([*rows, {"run": "overview", "sha256": digest(path)}])
     keep(table, compared(cfg), folder, out_dir)
     write_table(out_dir / "recordings.csv", table)
+    write_table(folder / "recordings.csv", table)  # last: says that all are here, and of which results
 
 
 def keep(table: pd.DataFrame, variants: list[str], folder: Path, out_dir: Path) -> None:

@@ -11,6 +11,7 @@ import os
 import re
 import shlex
 import shutil
+import socket
 import sys
 import time
 from pathlib import Path
@@ -30,6 +31,7 @@ from pipeline.sweep.summary import read_jobs, write_summary
 
 def main(argv: list[str]) -> int:
     """Run or summarise a sweep; return 0, or 1 if a job failed. Raise InputError for a mistake in use."""
+    sys.path.insert(0, str(ROOT))  # for studies/, which no installation has, from any folder
     if argv[:1] == ["summary"] and argv[1:]:
         return _summarise(Path(argv[1]).resolve())
     parser = argparse.ArgumentParser(prog="python -m pipeline.sweep", description=__doc__, allow_abbrev=False)
@@ -64,7 +66,7 @@ def main(argv: list[str]) -> int:
     for run, plan in zip(runs, plans, strict=True):
         if plan.jobs is None and (record["objective"] is None or "protocol=validation" not in plan.fixed):
             raise InputError("Optuna chooses on validation data: add protocol=validation and an --objective")
-        record["defaults"] |= plan.defaults
+        record["defaults"] = plan.defaults | record["defaults"]  # those of the sweep's own commit count
         record["jobs"] += [job for job in plan.jobs or [] if job not in record["jobs"]]
         record["runs"] += [] if run in record["runs"] else [run]
     folder.mkdir(parents=True, exist_ok=True)
@@ -75,7 +77,7 @@ def main(argv: list[str]) -> int:
                 changes = git(ROOT, "diff-tree", "-p", "--binary", head, record["commit"])
                 (folder / "uncommitted.diff").write_text(changes, encoding="utf-8")
                 print(f"these jobs run uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
-            shutil.rmtree(folder / "clones", ignore_errors=True)  # a killed sweep's
+            _drop_clones(folder / "clones")
             sweep = Sweep(ROOT, folder, Path(dvc(ROOT, "cache", "dir").strip()), record, os.getpid())
             for plan in plans:
                 count = "as the sweeper chooses" if plan.jobs is None else len(plan.jobs)
@@ -85,6 +87,17 @@ def main(argv: list[str]) -> int:
             return _summarise(folder)
     except Timeout as error:
         raise InputError(f"another sweep is writing into {folder}: wait for it, or name another --folder") from error
+
+
+def _drop_clones(folder: Path) -> None:
+    """Delete the clones of processes of this machine that ended: on a cluster, jobs outlive a killed sweep."""
+    for clone in folder.glob("*"):
+        host, _, process = clone.name.rpartition("-")
+        try:
+            if host == socket.gethostname():
+                os.kill(int(process), 0)
+        except ProcessLookupError:
+            shutil.rmtree(clone, ignore_errors=True)
 
 
 def _record(folder: Path) -> dict[str, Any]:
@@ -114,8 +127,8 @@ def _summarise(folder: Path) -> int:
 if __name__ == "__main__":
     forget_repository()
     try:
-        with reported(OSError):
+        with reported(OSError, yaml.YAMLError):
             sys.exit(main(sys.argv[1:]))
     except KeyboardInterrupt:
-        print("interrupted: `--resume FOLDER` runs the others", file=sys.stderr)
+        print("interrupted: `--resume FOLDER` runs the others; on Slurm, `scancel` these jobs first", file=sys.stderr)
         sys.exit(130)

@@ -71,6 +71,8 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     for key, override in swept.items():
         if not override.is_discrete_sweep() or isinstance(override.value(), Glob):
             raise InputError(f"{override.input_line}: name the values; only hydra/sweeper=optuna takes an interval")
+        if key.lstrip("+") == "experiment":
+            raise InputError(f"{override.input_line}: name one experiment, and --resume its folder with the next")
         axes[key] = list(dict.fromkeys(f"{key}={canonical(value)}" for value in override.sweep_iterator()))
         launched.append(f"{key}={','.join(text.partition('=')[2] for text in axes[key])}")
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter

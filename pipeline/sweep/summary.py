@@ -59,7 +59,11 @@ def summarise(record: dict[str, Any], jobs: list[dict[str, Any]]) -> Summary:
     own = [text for job in done for text in job["overrides"] if text not in record["fixed"]]
     keys = list(dict.fromkeys(text.partition("=")[0].lstrip("+~") for text in own))
     settings = [load(job["path"] / "params.yaml") for job in done]
-    values = [{key: value_of(cfg, key) for key in keys} for cfg in settings]  # one may be swept by a later run alone
+    typed = [dict(text.lstrip("+~").partition("=")[::2] for text in job["overrides"]) for job in done]
+    values = [  # a parameter may be swept by a later run alone; an experiment is none, and known by what was typed
+        {key: value if (value := value_of(cfg, key)) != "null" else words.get(key, value) for key in keys}
+        for cfg, words in zip(settings, typed, strict=True)
+    ]
     keys = [key for key in keys if len({value[key] for value in values}) > 1]
     ends = [key.rpartition(".")[2] for key in keys]
     shown = dict(zip(keys, ends if len({*ends}) == len(keys) else keys, strict=True))
@@ -70,7 +74,10 @@ def summarise(record: dict[str, Any], jobs: list[dict[str, Any]]) -> Summary:
         table = read_table(job["path"] / "results.parquet")
         parts[name] = table.assign(**columns)[[*columns, *table.columns]]
     results = pd.concat(list(parts.values()), ignore_index=True)
-    is_default = [all(value[key] == record["defaults"].get(key) for key in keys) for value in values]
+    is_default = [
+        all(key not in words or value[key] == record["defaults"].get(key) for key in keys)
+        for value, words in zip(values, typed, strict=True)
+    ]
     place = is_default.index(True) if any(is_default) else 0
     compared = _differences(results, names[place])
     return Summary(record, jobs, settings[place], keys, names[place], any(is_default), results, compared)

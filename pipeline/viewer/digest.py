@@ -26,7 +26,7 @@ def digest(path: Path) -> str:
         stores = [*reader.recordings(), *reader.blueprints()]
         cells = [cell for store in stores for chunk in reader.stream(store=store).to_chunks() for cell in _cells(chunk)]
     except Exception as error:  # of Rerun, whose reader names no class for it
-        raise InputError(f"{path} is damaged ({error}): delete it and run `make repro`") from error
+        raise InputError(f"{path} is damaged ({error}): delete its folder and run `make repro`") from error
     hashed = hashlib.sha256()
     for entity, component, times, value in sorted(cells):
         for part in (entity.encode(), component.encode(), repr(times).encode(), value):

@@ -40,6 +40,12 @@ def recordings(kept: Path, runs: Path) -> dict[str, Path]:
     return {path.stem: path for folder in (kept, runs) for path in sorted(folder.glob("*.rrd"))}
 
 
+def are_of_this_commit(kept: Path, runs: Path) -> bool:
+    """Return whether stage record wrote `runs` with the table in git: a checkout changes that, and leaves `runs`."""
+    written, table = runs / "recordings.csv", kept / "recordings.csv"
+    return written.is_file() and table.is_file() and written.read_bytes() == table.read_bytes()
+
+
 def find(kept: Path, runs: Path, run: str) -> Path:
     """Return the recording of `run`, or the overview; InputError if there is none."""
     here = recordings(kept, runs)
@@ -62,13 +68,14 @@ def worst(kept: Path, runs: Path) -> tuple[str, str]:
     return run, f"{run}: accuracy {accuracy[run]:.1%}, the lowest of the {len(accuracy)} recordings here"
 
 
-def check(kept: Path, runs: Path, run: str) -> None:
-    """Raise InputError unless Rerun can read the recording and its digest matches recordings.csv."""
+def check(kept: Path, runs: Path, run: str) -> str:
+    """Return a recording's digest; raise InputError unless Rerun can read it and recordings.csv has that digest."""
     path = find(kept, runs, run)
     expected = read_table(kept / "recordings.csv", COLUMNS).set_index("run")["sha256"].get(run)
     if expected != (contents := digest(path)):
         says = f"{path} has digest {contents}, recordings.csv says {expected}"
-        raise InputError(f"{says}: delete it and run `make repro`")
+        raise InputError(f"{says}: delete its folder and run `make repro`")
+    return contents
 
 
 def reviewed() -> pd.DataFrame:
@@ -98,20 +105,22 @@ def note(kept: Path, runs: Path, run: str, verdict: str, scene: int | None, text
 
     One reviewer's command waits for another's. Raises InputError, with the file as it was, if git does not commit it.
     """
-    contents = digest(path := find(kept, runs, run))
-    if scene is not None and scene not in (scenes := worst_scenes(path)):
+    contents = check(kept, runs, run)
+    if scene is not None and scene not in (scenes := worst_scenes(find(kept, runs, run))):
         raise InputError(f"scene {scene} is none of the worst of {run}: expected one of {scenes}, or no scene")
     who = git(Path(), "var", "GIT_AUTHOR_IDENT").partition(" <")[0]
     row = [run, scene, verdict, text, who, f"{datetime.now(UTC):%Y-%m-%d}", contents]
     with FileLock(git(Path(), "rev-parse", "--git-path", "reviewed.lock").strip()):
         old, before = reviewed(), REVIEWED.read_bytes() if REVIEWED.is_file() else None
         write_table(REVIEWED, pd.concat([old, pd.DataFrame([row], columns=REVIEWED_COLUMNS)]))
+        is_new = not git(Path(), "ls-files", str(REVIEWED))
         try:
-            git(Path(), "add", str(REVIEWED))
+            git(Path(), "add", "--intent-to-add", str(REVIEWED))  # what the person staged of it stays if this fails
             git(Path(), "commit", "--quiet", "--message", f"Review of {run}: {verdict}", "--", str(REVIEWED))
         except InputError:
             REVIEWED.unlink() if before is None else REVIEWED.write_bytes(before)
-            run_in(["git", "reset", "--quiet", "--", str(REVIEWED)], Path(), capture_output=True)
+            if is_new:
+                run_in(["git", "reset", "--quiet", "--", str(REVIEWED)], Path(), capture_output=True)
             raise
 
 
@@ -129,7 +138,8 @@ def show_all(cfg: DictConfig, kept: Path, runs: Path, web: bool) -> int:
         unread = files.keys() - {*client.get_dataset(RUNS).segment_ids(), OVERVIEW}
         print(f"{len(files) - len(unread)} of {len(listed)} recordings; `make repro` writes all", flush=True)
         if unread:
-            print(f"delete these, which cannot be read or hold another run: {', '.join(sorted(unread))}", flush=True)
+            which = f"these cannot be read or hold another run: {', '.join(sorted(unread))}"
+            print(f"{which}; delete their folder and run `make repro`", flush=True)
         entries = client.get_dataset(RUNS), client.get_table(SCENES)
         addresses = [f"{client.url}/entry/{entry.id}" for entry in entries]
         if not web:
@@ -216,7 +226,10 @@ def _main() -> int:
     parser.add_argument("--check", action="store_true", help="verify the file and compare its digest; no window")
     args = parser.parse_args()
     run, cfg = args.run, load(PARAMS)
-    folders = Path(cfg.paths.record), Path(cfg.paths.runs)
+    folders = kept, runs = Path(cfg.paths.record), Path(cfg.paths.runs)
+    if runs.is_dir() and not are_of_this_commit(*folders):
+        print(f"{runs} holds recordings of other results, left out: `make repro` writes today's", flush=True)
+        folders = kept, kept
     if args.worst:
         run, reason = worst(*folders)
         print(reason, flush=True)
@@ -234,5 +247,5 @@ def _main() -> int:
 
 
 if __name__ == "__main__":
-    with reported():
+    with reported(OSError):
         sys.exit(_main())

@@ -1,5 +1,6 @@
 """The audit of one commit: what it finds in this repository, and in a clone that somebody tampered with."""
 
+import hashlib
 import json
 import re
 import subprocess
@@ -60,6 +61,23 @@ def test_a_page_s_file_is_compared_with_the_lock_or_with_a_folder_s_list_and_unc
     for md5, faults in (("aa", 0), ("bb", 1)):
         locks = {"studies/safety/dvc.yaml:safety": {"outs": [{"path": "outputs/studies/safety/curve.csv", "md5": md5}]}}
         assert len(consistency.provenance(tmp_path, locks).faults) == faults
+
+
+def test_a_folder_that_a_stage_read_is_compared_file_by_file_or_by_sizes_without_their_list(tmp_path: Path):
+    outs = [
+        {"path": "outputs/train/full", "md5": "12.dir", "size": 5, "nfiles": 2},
+        {"path": "outputs/train/note.txt", "md5": "dd", "size": 3},
+    ]
+    content = '[{"md5": "aa", "relpath": "full/a"}, {"md5": "bb", "relpath": "full/b/c"}, '
+    content += '{"md5": "dd", "relpath": "note.txt"}]'
+    read = {"path": "outputs/train", "md5": f"{hashlib.md5(content.encode()).hexdigest()}.dir", "size": 8, "nfiles": 3}
+    assert consistency._holds(outs, read, tmp_path) == (True, False)
+    assert consistency._holds(outs, read | {"size": 9}, tmp_path) == (False, False)
+    (tmp_path / "files/md5/12").mkdir(parents=True)
+    for md5 in ("bb", "cc"):
+        listed = [{"md5": "aa", "relpath": "a"}, {"md5": md5, "relpath": "b/c"}]
+        (tmp_path / "files/md5/12/.dir").write_text(json.dumps(listed))
+        assert consistency._holds(outs, read, tmp_path) == (md5 == "bb", True)
 
 
 def test_an_unknown_commit_and_one_without_results_are_refused(tmp_path: Path):

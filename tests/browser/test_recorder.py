@@ -12,8 +12,9 @@ import yaml
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
+from pipeline.own.recorder.storage import Recordings
 from tests.own.recorder import factory
-from tests.own.recorder.factory import CORNERS, DETOUR, GOAL, Served, make_folder, pixels, recorder
+from tests.own.recorder.factory import CORNERS, DETOUR, GOAL, Served, make_folder, pixels, recorder, samples
 
 PHONE, DESK = 390, 1280  # [px]
 Points = list[tuple[float, float]]
@@ -252,6 +253,24 @@ def test_axe_finds_no_violation_no_step_scrolls_sideways_and_nothing_is_loaded_f
         assert results.violations_count == 0, results.generate_report()
         assert page.evaluate("document.documentElement.scrollWidth") == width
         page.close()
+
+
+def test_nothing_is_judged_before_it_is_shown_nor_by_a_person_who_is_guessed(tab: Callable[..., Page], folder: Path):
+    stored = Recordings(folder)
+    for scene, user in (("first", "Zoë"), ("second", "Ben")):
+        stored.add_path(scene, user, True, samples().tolist())
+    file = folder / "demonstrations.csv"
+    file.write_text(file.read_text().replace(",true", ","))
+    page, held = tab(user=None), []
+    expect(page.locator("#users input:checked")).to_have_count(0)
+    page.route("**/pictures/second", held.append)
+    page.keyboard.press("v")
+    expect(page.locator("#scene-title")).to_contain_text("second")
+    page.keyboard.press("v")
+    page.wait_for_timeout(300)
+    held[0].continue_()
+    expect(page.locator("#message")).to_contain_text("of Ben waits")
+    assert pd.read_csv(file).groupby("scene")["valid"].count().tolist() == [40, 0]
 
 
 def test_items_are_outlined_by_a_click_named_and_undone(tab: Callable[..., Page], folder: Path):

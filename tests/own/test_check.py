@@ -165,6 +165,12 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "damaged scan": (damaged, "scenes/tea.jpg is truncated or damaged (Corrupt JPEG data"),
     "other ending of the settings": (text("table.yml", ""), "table.yml is not read: rename it to table.yaml"),
     "bidirectional override": (cell(3, "user", "Ana\u202e"), "row 3: user is 'Ana\\u202e'"),
+    "half a label": (cell(5, "valid", ""), f"row 5: valid is empty, but not in all rows of {FIRST}"),
+    "corners of other sizes": (
+        several(corners("[[10, 10], [90, 10], [90, 90], [10, 90]]"), picture(np.full((200, 200, 3), 90, np.uint8))),
+        "table.yaml: corners for all, and 夕食 has 100 x 100 pixels; tea has 200 x 200 pixels",
+    ),
+    "a cut-out in centimetres": (lambda p: add_kind(p, "cup,blue.png,8\n"), "row 2: width_m is 8: expected"),
     "no label at all": (
         rows(lambda t: t.assign(valid="")),
         "row 2: no demonstration has a label: judge them with `python -m pipeline.own record",

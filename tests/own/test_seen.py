@@ -12,7 +12,7 @@ import pytest
 from pipeline.own.folder import read_folder
 from pipeline.own.frame import Frame
 from pipeline.own.items import crosses_itself
-from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
+from pipeline.own.recorder.outlines import Item, from_coco, propose, replaced
 from pipeline.own.seen import ALONE, EMPTY, STACK, TOLD, look
 from pipeline.perception.empty import empty_table
 from tests.factories import RED, WHITE, draw_table
@@ -139,8 +139,10 @@ def test_a_wrong_outline_is_a_fault_with_what_to_do(path: Path, text: str, fault
 
 
 def test_items_beside_the_table_are_left_out_and_counted(path: Path):
-    (path / "table.yaml").write_text("corners: [[10, 10], [90, 10], [90, 90], [10, 90]]")
-    (path / "items.json").write_text(coco({}, {"segmentation": [[2, 2, 8, 2, 8, 8]]}))
+    """What lies behind a table that is not square lies within the models' square."""
+    (path / "table.yaml").write_text("corners: [[10, 40], [90, 40], [90, 90], [10, 90]]\nsize_m: [1, 0.6]")
+    edit(path, lambda table: table.assign(y=table["y"].astype(float) * 0.6))
+    (path / "items.json").write_text(coco({}, {"segmentation": [[50, 22, 58, 22, 58, 28]]}))
     folder, faults = read_folder(path)
     assert folder is not None and faults.notes == ["items.json: 1 of 2 items of breakfast lie beside the table"]
     assert folder.seen.objects.present[folder.scenes.index(SCENES[0])].sum() == 1
@@ -250,11 +252,26 @@ def test_where_the_camera_turned_or_came_nearer_the_picture_is_read_alone(turn_d
 
 
 def test_outlines_survive_their_file():
-    items = {"夕食": [Item("cup", [[1.5, 2.0], [30.0, 2.0], [30.0, 4.0]]), Item("", [[5.0, 5.0], [9, 5.0], [9, 9.0]])]}
-    text = to_coco(items, {"夕食": "夕食.png"}, {"夕食": (100, 100)})
-    assert from_coco(text) == items
-    boxes = coco({"segmentation": [], "bbox": [1, 2, 30, 40]})
+    items = [Item("cup", [[1.5, 2.0], [30.0, 2.0], [30.0, 4.0]]), Item("", [[5.0, 5.0], [9.0, 5.0], [9.0, 9.0]])]
+    assert from_coco(replaced({"images": [], "annotations": []}, "夕食.png", (100, 100), items)) == {"夕食": items}
+    boxes = json.loads(coco({"segmentation": [], "bbox": [1, 2, 30, 40]}))
     assert from_coco(boxes)[SCENES[0]] == [Item("cup", [[1, 2], [31, 2], [31, 42], [1, 42]])]
+
+
+def test_what_another_tool_wrote_stays_where_the_recorder_changes_nothing():
+    """Two parts are one item; a mask, a picture that is not here and a tool's own fields are kept."""
+    two, mask = [SQUARE, [5, 5, 25, 5, 25, 9]], {"counts": [0, 2500, 7500], "size": [100, 100]}
+    theirs = json.loads(coco({"segmentation": two, "attributes": {"worn": True}}, {"id": 7, "segmentation": mask}))
+    theirs |= {"info": {"year": 2026}, "images": [*theirs["images"], {"id": 9, "file_name": "elsewhere.png"}]}
+    shown, added = from_coco(theirs)[SCENES[0]], Item("jug", [[1.0, 2.0], [30.0, 2.0], [30.0, 4.0]])
+    elsewhere = replaced(theirs, "lunch.png", (100, 100), [added])
+    assert elsewhere["annotations"][:2] == theirs["annotations"] and elsewhere["info"] == theirs["info"]
+    here = replaced(elsewhere, f"{SCENES[0]}.png", (100, 100), [*shown[1:], added])  # without a part of the first item
+    assert [one["id"] for one in here["annotations"]] == [7, 8, 9, 10]
+    assert here["annotations"][0] == theirs["annotations"][1]
+    assert (
+        replaced(replaced(here, "lunch.png", (100, 100), None), f"{SCENES[0]}.png", (9, 9), None)["annotations"] == []
+    )
 
 
 @pytest.mark.parametrize("edge", [(0.7, 0.3), (0.7, 0.36)])

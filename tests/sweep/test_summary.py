@@ -1,6 +1,10 @@
 """The summary of a sweep finds a difference that is there, and none that is not."""
 
+import os
 import re
+import socket
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +14,7 @@ import pytest
 import yaml
 
 from pipeline.artifacts.files import read_json, read_table, write_json, write_table
-from pipeline.sweep.__main__ import main
+from pipeline.sweep.__main__ import _drop_clones, main
 
 SEEDS = range(10)
 PARAMETERS = {"protocol": {"name": "validation"}, "profile": "paper", "x": 7}
@@ -90,6 +94,27 @@ def test_no_interval_no_p_and_no_better_without_six_pairs_that_vary(tmp_path: Pa
     row = read_table(tmp_path / "differences.parquet").set_index("setting").loc["beta=1"]
     assert row["word"] == word and row[["ci_low", "ci_high", "p_holm"]].isna().all()
     assert says in row["why"] and row["why"] in (tmp_path / "index.html").read_text()
+
+
+def test_experiments_are_settings_of_their_own_and_a_later_run_leaves_the_default_the_reference(folder: Path):
+    for beta, more in ((1, ["+experiment=one"]), (2, ["beta=0", "+experiment=two"])):
+        file = folder / "jobs" / f"beta={beta}" / "params.yaml"
+        file.write_text(yaml.safe_dump(PARAMETERS | {"beta": 0}))
+        write_json(file.with_name("job.json"), {"overrides": ["profile=paper", *more], "state": "done"})
+    assert main(["summary", str(folder)]) == 1
+    table = read_table(folder / "results.parquet")
+    assert {*table["setting"]} == {"experiment=null", "experiment=one", "experiment=two"}
+    assert {*read_table(folder / "differences.parquet")["setting"]} == {"experiment=one", "experiment=two"}
+
+
+def test_clones_of_jobs_that_may_still_run_stay(tmp_path: Path):
+    host = socket.gethostname()
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    for name in (f"{host}-{ended.pid}", f"{host}-{os.getpid()}", f"node.{host}-{ended.pid}"):
+        (tmp_path / name).mkdir()
+    _drop_clones(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {f"{host}-{os.getpid()}", f"node.{host}-{ended.pid}"}
 
 
 def test_two_spellings_of_a_setting_count_once(tmp_path: Path):

@@ -119,6 +119,28 @@ def test_a_note_that_cannot_be_kept_leaves_the_file_as_it_was(kept: Path, reposi
     assert git(repository, "status", "--porcelain") == ""
 
 
+def test_a_note_in_a_merge_leaves_what_the_merge_staged_and_other_contents_get_none(
+    kept: Path, repository: Path
+) -> None:
+    (repository / "recordings.csv").write_text("run,sha256,accuracy\nfull-careful-s3,abcd,0.5\n")
+    with pytest.raises(InputError, match="says abcd"):
+        note(repository, kept, "full-careful-s3", "right", None, "")
+    note(kept, NONE, "full-careful-s3", "right", None, "both")
+    first = git(repository, "rev-parse", "HEAD").strip()
+    for branch in ("theirs", "ours"):
+        git(repository, "checkout", "--quiet", "-b", branch, first)
+        (repository / "text").write_text(branch)
+        git(repository, "add", "text")
+        git(repository, "commit", "--quiet", "--message", branch)
+        if branch == "theirs":
+            note(kept, NONE, "full-careful-s3", "wrong", None, branch)
+    with pytest.raises(InputError):
+        git(repository, "merge", "theirs")
+    with pytest.raises(InputError, match="merge"):
+        note(kept, NONE, "full-careful-s3", "right", None, "ours")
+    assert "reviewed.csv" in git(repository, "diff", "--cached", "--name-only")
+
+
 def test_the_command_of_the_guide_names_a_worst_scene_of_a_recording_in_git_and_keeps_its_note() -> None:
     root = Path(__file__).parents[2]
     run, scene = re.search(r"make reviewed RUN=(\S+) SCENE=(\d+)", (root / "docs/review.md").read_text()).groups()  # pyright: ignore

@@ -116,7 +116,8 @@ def opened(path: Path) -> Any:
     for file in path.glob("*.db3") if path.is_dir() else [path] * (path.suffix == ".db3"):
         with file.open("rb") as stream:
             header = stream.read(100)  # of SQLite, which reads what a lost end held as zeros
-        expected = int.from_bytes(header[16:18]) * int.from_bytes(header[28:32])  # bytes a page, pages
+        page = int.from_bytes(header[16:18])  # [bytes]; 1 is 65536
+        expected = (2**16 if page == 1 else page) * int.from_bytes(header[28:32])
         if file.stat().st_size < expected and header[24:28] == header[92:96]:
             raise InputError(f"{file} is truncated, {file.stat().st_size} of {expected} bytes: copy it again")
     return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))

@@ -3,6 +3,7 @@
 import argparse
 import json
 import re
+import shlex
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -94,8 +95,9 @@ def main(arguments: Sequence[str]) -> int:
     finally:
         shutil.rmtree(staged, ignore_errors=True)
     print(section, *(f"note: {note}\n" for note in notes), sep="", end="")
-    print(f"{folder}: is a line above wrong? Correct it in {SETTINGS}, remove the other files, and import again")
-    print(f"next: python -m pipeline.own {'record ' if any('recorder' in note for note in notes) else ''}{folder}")
+    print(f"{folder}: is a line above wrong? Put it right below `import` in {SETTINGS}, remove the rest, import again")
+    verb = "record " if any("recorder" in note for note in notes) else ""
+    print(f"next: python -m pipeline.own {verb}{shlex.quote(str(folder))}")
     return 0
 
 
@@ -138,6 +140,11 @@ def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Settings, Choices
         content["size_m"] = [width, *depth] if depth else width
     try:
         confirmed = Choices.model_validate(content.get("import") or {}).model_dump()
+        for name, given in options.items():
+            held = confirmed[name]
+            if held is not None and given != held and not (name == "columns" and given.items() <= held.items()):
+                what = f"--{name} says {given!r}, {SETTINGS} {held!r}"
+                raise InputError(f"{what}: correct it there, or leave the option out")
         return files.check_settings(content), Choices.model_validate(confirmed | options)
     except ValidationError as error:
         first = error.errors()[0]
@@ -155,6 +162,7 @@ def _write(
     runs = list(map(segments.without_ways_back, metres, moves)) if choices.segments == "stops" else moves
     returns = sum(map(len, moves)) - sum(map(len, runs))
     totals, numbers, tables, shown = Counter[str](), Counter[Any](), [], dict[str, bool | None]()
+    made_by = dict[str, str]()  # the recording that a scene is named after
     for recording, parts in zip(recordings, runs, strict=True):
         totals[recording.name] += len(parts)
     if not totals.total():
@@ -164,12 +172,14 @@ def _write(
     for recording, places, parts in zip(recordings, metres, runs, strict=True):
         begins, name = [int(part[0]) for part in parts], recording.name
         with _readable(f"a picture of {name}"):
-            for rows, picture, end in zip(parts, recording.pictures(begins), [*begins[1:], np.inf], strict=True):
+            for rows, picture, end in zip(parts, recording.pictures(begins), [*begins, np.inf][1:], strict=True):
                 numbers[name] += 1
                 base = f"{name}-{numbers[name]:02d}" if totals[name] > 1 else name
                 tidy = re.sub(r"[^\w.-]+", "-", files.normal(base)).strip("-.")
                 labels = {"scene": tidy, "user": user} | recording.labels
                 scene = labels["scene"]
+                if "scene" not in recording.labels and made_by.setdefault(scene, name) != name:
+                    raise InputError(f"{made_by[scene]} and {name} both make the scene {scene}: rename one of the logs")
                 for role, label in labels.items():
                     if not files.is_printable(label) or not label.strip() or (role == "scene" and {*label} & {*"/\\"}):
                         raise InputError(f"{role} is {label!r}: expected a name, of a file if it is the scene's")
@@ -193,6 +203,8 @@ def _write(
     if min(left, near) < 0 or right > size[0] or far > size[1]:
         advice = "correct size_m, unit, origin, turn_deg or y"
         notes.append(f"these leave the table of {size[0]:g} by {size[1]:g} m: {advice}")
+    if still := sum(one.whole and not parts for one, parts in zip(recordings, runs, strict=True)):
+        notes.append(f"demonstrations shorter than {segments.MIN_PATH_M:g} m, left out: {still}")
     if returns:
         notes.append(f"movements back to where the one before began, left out: {returns}; `segments: moves` keeps them")
     if min(right - left, far - near) < segments.REST_M:

@@ -57,7 +57,8 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
     numbers = [role for role in columns if role not in LABELS]
     decimal = choices.decimal or ("," if table[numbers].map(lambda cell: "," in cell).any(axis=None) else ".")
     if table["t"].str.contains(":").mean() > 0.5:  # dates, or times of day
-        moments = pd.to_datetime(table["t"], format="mixed", errors="coerce", utc=True)
+        texts = table["t"].str.replace(r"^(\d+:\d\d[.,]\d+)$", r"0:\1", regex=True)  # minutes and seconds
+        moments = pd.to_datetime(texts, format="mixed", errors="coerce", utc=True)
         seconds = (moments - moments.min()).dt.total_seconds().astype(str)
         table["t"], choices = seconds.where(moments.notna(), table["t"]), choices.model_copy(update={"time": "s"})
     for role in numbers:
@@ -81,6 +82,8 @@ def read(path: Path, choices: Choices) -> tuple[list[Recording], Choices, list[s
         recordings.append(Recording("-".join((path.stem, *values)), t, places, gripper, words, "demo" in keys, labels))
     found = {"columns": columns, "delimiter": delimiter, "decimal": decimal, "time": time, "unit": unit}
     notes = [f"{len(table) - len(kept)} rows without a position were left out"] if len(kept) < len(table) else []
+    if not (choices.time or named):
+        notes.append(f"times are taken for {time}, as rows are {step:g} apart: if not, write `time` below `import`")
     return recordings, choices.model_copy(update=found), notes
 
 

@@ -27,7 +27,7 @@ from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX
 from pipeline.own.recorder.serve import BESIDE, parser, posted, serve
 from pipeline.own.recorder.storage import as_sent, write_durably
-from pipeline.own.trials import prepare
+from pipeline.own.trials import has_report, prepare
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import one_thread
 
@@ -211,8 +211,9 @@ def main(arguments: Sequence[str]) -> int:
 def outlook(folder: Folder, quoted: str, minutes: float) -> list[str]:
     """Return what a sitting will not ask, and what its minutes settle; quoted: the folder, as a shell reads it."""
     lines, judgements, count = [], 60 * minutes / SECONDS, len(folder.cutouts)
-    if not (folder.path / "report" / "tables" / "repaired.parquet").is_file():
-        lines.append("There is no report yet, so new sittings ask about no repair, not even after a later report.")
+    if not has_report(folder.path):
+        none = "There is no report on the folder as it is"
+        lines.append(f"{none}: new sittings ask about no repair, not even after a later report.")
         lines.append(f"To ask about repairs, end this and run first: python -m pipeline.own {quoted}")
     named = {kind for items in folder.told.values() for kind, *_ in items if kind}
     if unasked := sorted(named - set(folder.cutouts)):

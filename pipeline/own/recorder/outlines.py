@@ -1,15 +1,16 @@
 """Outlines of items: proposed from a click, found by the detector, and stored as COCO polygons in items.json."""
 
-import json
 from collections.abc import Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
-from pipeline.own.items import Coco, rings_of
+from pipeline.own.files import ITEMS, listed, normal, read_csv
+from pipeline.own.items import MASKS, Coco, rings_of
 
 WORKING_PX = 320  # side to which a picture is scaled for a proposal: GrabCut takes .1 s there
 REACH = 0.4  # radius of the search about a click, where nobody dragged to the item's edge, over the longer side
@@ -57,33 +58,61 @@ def propose(picture: UInt8[Array, "row column 3"], point: Sequence[float], edge:
     return np.round((ring + 0.5) / scale, 1).tolist()
 
 
-def to_coco(items: dict[str, list[Item]], files: dict[str, str], sizes: dict[str, tuple[int, int]]) -> str:
-    """Return the items of scenes as a COCO file; files, sizes: name, width and height of each scene's picture."""
-    kinds = sorted({item.kind for of_scene in items.values() for item in of_scene})
-    images, annotations = [], []
-    for number, (scene, of_scene) in enumerate(items.items(), 1):
-        width, height = sizes[scene]
-        images.append({"id": number, "file_name": files[scene], "width": width, "height": height})
-        for item in of_scene:
-            ring = np.array(item.points)
-            low, high = ring.min(0), ring.max(0)
-            annotations.append({
-                "id": len(annotations) + 1,
-                "image_id": number,
-                "category_id": kinds.index(item.kind) + 1,
-                "segmentation": [np.round(ring, 1).ravel().tolist()],
-                "bbox": np.round([*low, *(high - low)], 1).tolist(),
-                "area": float(cv2.contourArea(ring.astype(np.float32))),
-                "iscrowd": 0,
-            })  # fmt: skip
-    categories = [{"id": number, "name": kind} for number, kind in enumerate(kinds, 1)]
-    content = {"images": images, "annotations": annotations, "categories": categories}
-    return json.dumps(content, ensure_ascii=False, indent=1) + "\n"
+def told_elsewhere(folder: Path, scene: str) -> str:
+    """Return the file that tells a scene's items if it is not the recorder's own, else ""."""
+    if (folder / ITEMS).is_file() and scene in read_csv(folder / ITEMS, ["scene"])["scene"].tolist():
+        return ITEMS
+    masks = (f"{MASKS}/{file.name}" for file in listed(folder / MASKS, ".png") if normal(file.stem) == scene)
+    return next(masks, "")
 
 
-def from_coco(text: str) -> dict[str, list[Item]]:
-    """Return the items of a COCO file by scene; raise ValueError, KeyError or InputError if it is none."""
-    coco = Coco.model_validate_json(text)
+def replaced(coco: dict[str, Any], file: str, size: tuple[int, int], items: Sequence[Item] | None) -> dict[str, Any]:
+    """Return a COCO file's content with the items of one picture replaced; all else that it holds stays as it is.
+
+    file, size: the picture's name, width and height. items: None leaves the picture out; an annotation stays if all of
+    its outlines are among them. Raise ValueError, KeyError or InputError if `coco` is no COCO file.
+    """
+    read, scene = Coco.model_validate(coco), normal(Path(file).stem)
+    images, annotations, categories = ([*coco.get(name, [])] for name in ("images", "annotations", "categories"))
+    numbers = [number for number, name in read.scenes.items() if name == scene]
+    if items is None:
+        images = [raw for raw, image in zip(images, read.images, strict=True) if image.id not in numbers]
+    elif not numbers:
+        numbers = [1 + max(read.scenes, default=0)]
+        images.append({"id": numbers[0], "file_name": file, "width": size[0], "height": size[1]})
+    added, kept = list(items or []), []
+    for raw, one in zip(annotations, read.annotations, strict=True):
+        if one.image_id in numbers:
+            outlines = [Item(read.kinds[one.category_id], ring.tolist()) for ring in rings_of(one)]
+            if not outlines or any(item not in added for item in outlines):
+                continue
+            added = [item for item in added if item not in outlines]
+        kept.append(raw)
+    known, last = (
+        {name: number for number, name in read.kinds.items()},
+        max((one.id for one in read.annotations), default=0),
+    )
+    for number, item in enumerate(added, last + 1):
+        if item.kind not in known:
+            known[item.kind] = 1 + max(known.values(), default=0)
+            categories.append({"id": known[item.kind], "name": item.kind})
+        ring = np.array(item.points)
+        low, high = ring.min(0), ring.max(0)
+        kept.append({
+            "id": number,
+            "image_id": numbers[0],
+            "category_id": known[item.kind],
+            "segmentation": [np.round(ring, 1).ravel().tolist()],
+            "bbox": np.round([*low, *(high - low)], 1).tolist(),
+            "area": float(cv2.contourArea(ring.astype(np.float32))),
+            "iscrowd": 0,
+        })  # fmt: skip
+    return {**coco, "images": images, "annotations": kept, "categories": categories}
+
+
+def from_coco(content: dict[str, Any]) -> dict[str, list[Item]]:
+    """Return the items of a COCO file's content by scene; raise ValueError, KeyError or InputError if it is none."""
+    coco = Coco.model_validate(content)
     items: dict[str, list[Item]] = {scene: [] for scene in coco.scenes.values()}
     for one in coco.annotations:
         kind = coco.kinds[one.category_id]

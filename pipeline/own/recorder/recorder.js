@@ -27,8 +27,12 @@ async function refresh() {
   overview = await ask("/api/overview");
   document.documentElement.style.setProperty("--valid", overview.colours.valid);
   document.documentElement.style.setProperty("--invalid", overview.colours.invalid);
-  if (!allUsers().includes(user)) user = overview.users.at(-1) ?? "";
-  if (scene && overview.scenes.includes(scene.name)) scene = await ask(sceneUrl("/api/scenes/", scene.name));
+  if (!allUsers().includes(user)) user = overview.users.length === 1 ? overview.users[0] : ""; // of several, nobody is guessed
+  const request = opened;
+  if (scene && overview.scenes.includes(scene.name)) {
+    const answer = await ask(sceneUrl("/api/scenes/", scene.name));
+    if (request === opened) scene = answer;
+  }
   showCounts();
   showUsers();
   board.redraw();
@@ -127,7 +131,7 @@ async function judgeStored(path, valid) {
 
 async function judge(valid) {
   const tool = board.tool;
-  if (sending) return;
+  if (sending || !tool) return; // the picture is not there yet
   if (!waiting()) {
     if (unjudged().length) await judgeStored(unjudged()[0], valid);
     return;
@@ -151,7 +155,7 @@ async function judge(valid) {
 
 async function undo() {
   const last = ownPaths().at(-1);
-  if (!last || sending) return;
+  if (!last || sending || !board.tool) return;
   await attempt(async () => {
     await ask("/api/remove", { id: last.id });
     say(`Removed path ${last.demo} of ${user}.`);
@@ -175,8 +179,10 @@ let storing = Promise.resolve(); // changes are stored one after the other
 
 async function startItems() {
   const name = scene.name;
-  const { items, told, kinds } = await ask(sceneUrl("/api/items/", name));
+  const { items, told, kinds, elsewhere } = await ask(sceneUrl("/api/items/", name));
   if (scene.name !== name || step !== "items") return;
+  $("counted").textContent = "";
+  if (elsewhere) return say(`${elsewhere} tells what stands here: change it there.`);
   showKinds(kinds);
   const tool = new OutlineTool({ items, told, found: [], propose: (point, edge) => attempt(() => outline(tool, name, point, edge)), changed: () => store(tool, name) });
   board.tool = tool;
@@ -288,7 +294,7 @@ function drawScene(context, unit) {
 
 // ---- lists
 
-const added = []; // names that were typed and have no path yet
+const added = user ? [user] : []; // names that were typed and may have no path yet
 const allUsers = () => [...new Set([...(overview?.users ?? []), ...added])];
 
 function showUsers() {

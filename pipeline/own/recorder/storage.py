@@ -1,7 +1,9 @@
 """Store what is recorded in a folder: every change reads, checks and replaces one file, one change at a time."""
 
 import hashlib
+import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
@@ -18,13 +20,14 @@ from pipeline.own import files
 from pipeline.own.demonstrations import MIN_SAMPLES, MIN_SCENES, check_paths, thinned
 from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings, is_printable, normal
 from pipeline.own.frame import mapped, rectify, to_metres, whole
-from pipeline.own.items import COCO, Told, crosses_itself
+from pipeline.own.items import COCO, OUTSIDE, Told, crosses_itself
 from pipeline.own.pictures import read_picture
-from pipeline.own.recorder.outlines import Item, from_coco, propose, to_coco
+from pipeline.own.recorder.outlines import Item, from_coco, propose, replaced, told_elsewhere
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
 HEADER = "# Where the table is in the pictures, written by the recorder. docs/own-tables.md says what each line is.\n"
+IMPORT = re.compile(r"^import *:.*\n?(?:(?:[ #].*)?\n|[ #].*)*", re.MULTILINE)  # in table.yaml: how a log was read
 COLUMNS = files.COLUMNS[DEMONSTRATIONS]
 FIELDS = 10  # of the grid over the table, a side
 MIN_STEP_MS = 8.0  # between stored samples; some pens report 240 a second
@@ -34,7 +37,7 @@ Point = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 Corners = Annotated[list[Point], Field(min_length=4, max_length=4)]
 Sample = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 Samples = Annotated[list[Sample], Field(min_length=1, max_length=100_000)]
-Outlined = Annotated[list[Point], Field(min_length=3, max_length=500)]
+Outlined = Annotated[list[Point], Field(min_length=3, max_length=20_000)]  # a mask's has thousands
 as_sent = validate_call(config=ConfigDict(strict=True))  # checks what a page sends as the arguments of a method
 
 
@@ -146,9 +149,10 @@ class Recordings:
 
     def items(self, scene: str) -> dict[str, Any]:
         """Return the stored items of a scene, whether it is told what stands there, and all kinds that are named."""
-        stored = self._items()
+        stored = self._coco()[1]
         kinds = sorted({item.kind for items in stored.values() for item in items if item.kind})
-        return {"items": [item._asdict() for item in stored.get(scene, [])], "told": scene in stored, "kinds": kinds}
+        told = {"told": scene in stored, "elsewhere": told_elsewhere(self.folder, scene)}
+        return {"items": [item._asdict() for item in stored.get(scene, [])], "kinds": kinds, **told}
 
     @as_sent
     def propose(self, scene: str, point: Point, edge: Point) -> dict[str, Any]:
@@ -162,27 +166,27 @@ class Recordings:
 
         told: a scene without items is told to be empty; else it is left to the detector again.
         """
+        if elsewhere := told_elsewhere(self.folder, scene):
+            raise InputError(f"items of {scene} stand in {elsewhere}: change them there")
         size = np.array(self.picture_size(scene))
         for points in map(np.array, outlines):
             if crosses_itself(points):
                 raise InputError("an outline crosses itself: drag its points apart")
-            if (points < 0).any() or (points > size).any():
+            if (points < -OUTSIDE * size).any() or (points > (1 + OUTSIDE) * size).any():
                 raise InputError("an outline leaves the picture: drag it back")
         with self._lock:
-            scenes, items = self._scenes(), self._items()
             named = [tidy_name(kind) if kind else "" for kind in kinds]
-            items[scene] = [Item(kind, points) for kind, points in zip(named, outlines, strict=True)]
-            kept = {name: items[name] for name in scenes if name in items and (told or name != scene)}
-            sizes = {name: self.picture_size(name) for name in kept}
-            write_durably(self.folder / COCO, to_coco(kept, {name: scenes[name].name for name in kept}, sizes))
+            items = [Item(kind, points) for kind, points in zip(named, outlines, strict=True)]
+            coco = replaced(self._coco()[0], self.picture(scene).name, tuple(size.tolist()), items if told else None)
+            write_durably(self.folder / COCO, json.dumps(coco, ensure_ascii=False, indent=1) + "\n")
 
     def found(self, scene: str) -> dict[str, Any]:
         """Return the outlines that the detector finds in a scene's picture, each with the most alike named kind."""
         from pipeline.own.seen import suggest  # torch takes seconds to import, and only this needs it
 
-        settings, stored = self._settings(), self._items()
+        settings, stored = self._settings(), self._coco()[1]
         told, pictures, matrices = {}, {}, {}
-        for name in {*stored, scene}:
+        for name in {scene, *(stored.keys() & self._scenes())}:
             corners, path = self._corners(name, settings), self.picture(name)
             if corners is not None:
                 pictures[name] = rectify(read_picture(path, path.name), corners, settings.size_m)
@@ -212,12 +216,11 @@ class Recordings:
                 values["corners"] = {name: places.round(1).tolist() for name, places in placed.items()}
             else:
                 values |= {"rectified": True} if placed is None else {"corners": placed.round(1).tolist()}
-            if (written := self.folder / SETTINGS).is_file():
-                content = yaml.safe_load(written.read_text(encoding="utf-8")) or {}
-                values |= {name: content[name] for name in ("import",) if name in content}
             files.check_settings(values)
+            written = self.folder / SETTINGS
+            imported = IMPORT.search(written.read_text(encoding="utf-8")) if written.is_file() else None
             text = HEADER + yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
-            write_durably(self.folder / SETTINGS, text)
+            write_durably(written, text + (imported[0] if imported else ""))
 
     def recorded(self) -> list[pd.DataFrame]:
         """Return the rows of each path (the same scene, user and demo) in their order."""
@@ -250,11 +253,13 @@ class Recordings:
         path = self._inside(self.folder / DEMONSTRATIONS)
         return self._read(path, read) if path.exists() else pd.DataFrame(columns=COLUMNS, dtype=str)
 
-    def _items(self) -> dict[str, list[Item]]:
-        """Return the items of items.json by scene; InputError if it is no file of the recorder's kind."""
+    def _coco(self) -> tuple[dict[str, Any], dict[str, list[Item]]]:
+        """Return the content of items.json, and its items by scene; InputError if it is no COCO file."""
         path = self._inside(self.folder / COCO)
         try:
-            return from_coco(path.read_text(encoding="utf-8")) if path.exists() else {}
+            text = path.read_text(encoding="utf-8-sig") if path.exists() else '{"images": [], "annotations": []}'
+            content = json.loads(text)
+            return content, from_coco(content)
         except (ValueError, KeyError, TypeError, InputError) as error:
             raise InputError(f"{COCO} cannot be read ({error!r}): move it away, or correct it") from error
 

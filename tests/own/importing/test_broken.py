@@ -2,7 +2,9 @@
 
 import json
 import shutil
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +50,12 @@ def truncate(file: Path, share: float) -> None:
 def cut(make: Make, pattern: str, share: float = 0.6) -> Make:
     """The file that fits the pattern is truncated."""
     return spoilt(make, lambda log: truncate(next(log.rglob(pattern)), share))
+
+
+def widest_pages(log: Path) -> None:
+    with closing(sqlite3.connect(next(log.rglob("*.db3")))) as database:
+        database.execute("pragma page_size = 65536")
+        database.execute("vacuum")
 
 
 def without(make: Make, pattern: str) -> Make:
@@ -179,6 +187,7 @@ BROKEN: list[tuple[str, Make, str, str]] = [  # what is wrong, the log, options,
     ("empty mcap", text("", "log.mcap"), "", "seems to be empty.*mcap recover"),
     ("truncated sqlite3", cut(poses(**SQLITE), "*.db3"), "", "truncated"),
     ("sqlite3 without its end", cut(poses(**SQLITE), "*.db3", 0.999), "", "truncated"),
+    ("sqlite3 of wide pages", cut(spoilt(poses(**SQLITE), widest_pages), "*.db3", 0.999), "", "truncated"),
     ("fewer messages", metadata("message_count: 300", "message_count: 400"), "", "after 300 poses.* another bag's"),
     ("no metadata", without(poses(), "metadata.yaml"), "", "reindex"),
     ("no storage file", without(poses(), "*.mcap"), "", "missing"),

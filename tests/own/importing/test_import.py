@@ -183,6 +183,27 @@ def test_csv_is_read_in_any_dialect(tmp_path: Path, dialect: str):
     assert_is_hand(imported(write_csv(tmp_path / "log.csv", dialect))[0])
 
 
+def test_minutes_and_seconds_as_excel_shows_them_are_no_hours(tmp_path: Path):
+    lines = [f"{int(t) // 60:02d}:{t % 60:04.1f},{x},{y}" for t, x, y in hand()[::5]]
+    (tmp_path / "log.csv").write_text("\n".join(["t,x,y", *lines]))
+    assert 1 < imported(tmp_path / "log.csv")[0]["t"].max() < 3
+
+
+def test_a_demonstration_that_hardly_moves_is_left_out_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    lines = [f"{t},{x if demo else 0.1},{y if demo else 0.1},{demo}" for demo in (0, 1) for t, x, y in hand(1)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,x,y,demo", *lines]))
+    assert set(imported(tmp_path / "log.csv")[0]["demo"]) == {"1"}
+    said = capsys.readouterr().out
+    assert "demonstrations shorter than 0.1 m, left out: 1" in said and "times are taken for s" in said
+
+
+def test_two_logs_that_make_one_scene_are_refused(tmp_path: Path):
+    logs = write_csv(tmp_path / "take.csv", "plain"), tmp_path / "take-01.csv"
+    logs[1].write_text("\n".join(["t,x,y", *(f"{t},{x},{y}" for t, x, y in hand(1))]))
+    with pytest.raises(InputError, match="take and take-01 both make the scene take-01: rename one"):
+        imported(logs)
+
+
 def test_what_table_yaml_says_holds(tmp_path: Path):
     """Here y runs down from the far edge of a table of 10 m, in cm, from a corner at (.5, .1) m; the log is turned."""
     log, table = write_csv(tmp_path / "log.csv", "motion capture"), tmp_path / "folder" / "table.yaml"
@@ -200,7 +221,9 @@ def test_a_second_import_by_the_written_table_yaml_says_the_same(tmp_path: Path)
     assert yaml.safe_load(written)["import"]["columns"] == {"t": "t [ms]", "x": "X [cm]", "y": "Y [cm]"}
     (folder / "demonstrations.csv").unlink()
     (folder / "scenes").rmdir()
-    pd.testing.assert_frame_equal(imported(log)[0], first)
+    with pytest.raises(InputError, match="correct it there, or leave the option out"):
+        imported(log, "--columns", "t=X [cm]")
+    pd.testing.assert_frame_equal(imported(log, "--columns", "t=t [ms]")[0], first)
     assert (folder / "table.yaml").read_text() == written
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from pipeline import library
+from pipeline.artifacts.files import write_json
 from pipeline.own import asked, fitting, trials
 from pipeline.own.__main__ import main as own
 from pipeline.own.asked import Sitting, sittings
@@ -21,7 +22,7 @@ from pipeline.own.recorder.asking import Asking, main, outlook
 from pipeline.own.recorder.designing import Designing
 from pipeline.own.recorder.placing import Placing
 from pipeline.runtime.errors import InputError
-from tests.own.folders import add_kind, answer, make_folder, whole
+from tests.own.folders import add_kind, answer, edit, make_folder, whole
 
 pytestmark = pytest.mark.slow  # thousands of places are tried for each sitting
 
@@ -84,11 +85,14 @@ def test_repairs_come_with_their_original_and_a_detour_that_look_alike(folder: F
     bad = folder.demos[(folder.demos["user"] == "Ana") & ~folder.demos["valid"]].head(2)[["user", "scene", "demo"]]
     tables = folder.path / "report" / "tables"
     tables.mkdir(parents=True)
+    write_json(tables.parent / "metrics.json", {"state": asked.digest(folder.path, "demonstrations.csv")})
     bad.assign(p_before=0.1, p_after=0.9, moved_m=0.1).to_parquet(tables / "repaired.parquet")
     line = np.linspace((0.1, 0.1), (0.5, 0.5), fitting.REPAIRED_POINTS)
     parts = [pd.DataFrame(line, columns=["x", "y"]).assign(**row) for row in bad.to_dict("records")]
     pd.concat(parts).to_parquet(tables / "repaired_paths.parquet")
     made = trials.repairs(folder, "Ana", np.random.default_rng(0))
+    edit(folder.path, lambda table: table.assign(t=table["t"] + "0"))
+    assert not trials.repairs(folder, "Ana", np.random.default_rng(0)), "of a report on other demonstrations"
     shutil.rmtree(tables.parent)
     assert sorted(path["role"] for path in made.values()) == sorted(["unrepaired", "repair", "detour"] * 2)
     assert {len(path["points"]) for path in made.values()} == {fitting.REPAIRED_POINTS}

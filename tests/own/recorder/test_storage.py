@@ -99,13 +99,26 @@ def test_a_scene_without_items_is_told_to_be_empty_or_left_to_the_detector(recor
     assert not recordings.items("first")["told"]
 
 
+def test_outlines_may_leave_the_picture_a_little_and_items_of_another_file_are_left_to_it(
+    recordings: Recordings,
+):
+    recordings.place_items("first", ["cup"], [[[-0.5, 3.0], [20.0, 3.0], [20.0, 30.0]]])  # as detectors cut them off
+    (recordings.folder / "items.csv").write_text("scene,kind\nfirst,cup\n")
+    assert recordings.items("first")["elsewhere"] == "items.csv" and not recordings.items("second")["elsewhere"]
+    with pytest.raises(InputError, match=r"items of first stand in items\.csv: change them there"):
+        recordings.place_items("first", [], [])
+
+
 def test_corners_of_one_picture_leave_those_of_the_others_and_crossing_ones_are_refused(recordings: Recordings):
     before, crossed = (recordings.folder / "table.yaml").read_text(), np.array(CORNERS, float)[[0, 2, 1, 3]].tolist()
     with pytest.raises(InputError, match="convex"):
         recordings.place_table("first", True, crossed, [1.0, 1.0])
     assert (recordings.folder / "table.yaml").read_text() == before
     moved = (np.array(CORNERS) + 5.0).tolist()
+    imported = "import:\n  unit: mm  # guessed\n"
+    (recordings.folder / "table.yaml").write_text(f"{imported}{before}")
     recordings.place_table("second", False, moved, [0.8, 0.5])
+    assert (recordings.folder / "table.yaml").read_text().endswith(imported)
     content = yaml.safe_load((recordings.folder / "table.yaml").read_text())
     assert content["corners"] == {"first": CORNERS, "second": moved}
     assert content["size_m"] == [0.8, 0.5]
