@@ -215,6 +215,7 @@ def test_imported_paths_without_a_label_are_judged_by_a_key_each(tab, folder: Pa
     page.keyboard.press("n")
     expect(page.get_by_role("row", name="first 1 + 1")).to_be_visible()
     expect(page.locator("#scene-title")).to_contain_text("second")
+    expect(page.locator("#message")).to_contain_text("robot waits")
     page.keyboard.press("v")
     expect(page.get_by_role("row", name="second 1 + 0")).to_be_visible()
     assert [bool(one["valid"].all()) for one in paths(folder)] == [True, False, True]
@@ -263,7 +264,8 @@ def test_nothing_is_judged_before_it_is_shown_nor_by_a_person_who_is_guessed(tab
     file.write_text(file.read_text().replace(",true", ","))
     page, held = tab(user=None), []
     expect(page.locator("#users input:checked")).to_have_count(0)
-    page.route("**/pictures/second", held.append)
+    page.route("**/pictures/second", lambda route: held.append(route))
+    page.locator("canvas").focus()
     page.keyboard.press("v")
     expect(page.locator("#scene-title")).to_contain_text("second")
     page.keyboard.press("v")

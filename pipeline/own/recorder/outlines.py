@@ -107,6 +107,8 @@ def replaced(coco: dict[str, Any], file: str, size: tuple[int, int], items: Sequ
             "area": float(cv2.contourArea(ring.astype(np.float32))),
             "iscrowd": 0,
         })  # fmt: skip
+    used = {raw["category_id"] for raw in kept}
+    categories = [category for category in categories if category["name"] or category["id"] in used]
     return {**coco, "images": images, "annotations": kept, "categories": categories}
 
 
