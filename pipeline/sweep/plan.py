@@ -71,10 +71,12 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     for key, override in swept.items():
         if not override.is_discrete_sweep() or isinstance(override.value(), Glob):
             raise InputError(f"{override.input_line}: name the values; only hydra/sweeper=optuna takes an interval")
-        if key.lstrip("+") == "experiment":
-            raise InputError(f"{override.input_line}: name one experiment, and --resume its folder with the next")
         axes[key] = list(dict.fromkeys(f"{key}={canonical(value)}" for value in override.sweep_iterator()))
         launched.append(f"{key}={','.join(text.partition('=')[2] for text in axes[key])}")
+        for name in (text.partition("=")[2] for text in axes[key] if key.lstrip("+") == "experiment"):
+            file = CONF / "experiment" / f"{name}.yaml"
+            if file.is_file() and OmegaConf.select(OmegaConf.load(file), "hydra.sweeper.params"):
+                raise InputError(f"{override.input_line}: {name} sweeps, too: name one, then --resume with the next")
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
         others = [axis[0] for name, axis in axes.items() if name != key]
         for value in axes[key]:

@@ -66,6 +66,7 @@ def test_a_group_is_known_by_what_stands_where_it_is_put():
         ("users@users.careful=glob(*)", "name the values"),
         ("questions=null", "must be a string or a list"),
         ("+experiment=nonsense", "experiment/nonsense"),
+        ("+experiment=beta,label_noise", "beta sweeps, too: name one"),
         ("hydra/launcher=nowhere", "make venv-cluster"),
     ],
 )
