@@ -37,6 +37,7 @@ UNREAD = (  # of pictures that are not read
 SHAPE_WITHIN = 0.02  # a picture of just the table has the table's shape within this share
 
 KNOWN = ("size_m", "corners", "rectified", "import")
+IMPORT = re.compile(r"^import *:.*\n?(?:(?:[ #].*)?\n|[ #].*)*", re.MULTILINE)
 MIN_TABLE_PX = 50  # shortest side of the table in a picture
 SIDES_M = (0.1, 10.0)  # side of a table [m]
 ORDER = "far left, far right, near right, near left"
@@ -207,6 +208,17 @@ def read_content(path: Path) -> dict[str, Any]:
         names = ", ".join(map(repr, content)) if isinstance(content, dict) else type(content).__name__
         raise InputError(f"{SETTINGS} holds {names}: expected some of {', '.join(KNOWN)}")
     return content or {}
+
+
+def with_import(text: str, before: str) -> str:
+    """Return a table.yaml with `import` of the one before: its lines, or its values where these have no own lines."""
+    imported, lines = (yaml.safe_load(before) or {}).get("import"), IMPORT.search(before)
+    if imported is None:
+        return text
+    with suppress(yaml.YAMLError):
+        if lines and yaml.safe_load(text + lines[0])["import"] == imported:
+            return text + lines[0]
+    return text + yaml.safe_dump({"import": imported}, sort_keys=False, allow_unicode=True)
 
 
 def check_settings(content: dict[str, Any]) -> Settings:

@@ -231,7 +231,8 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
     shapes = {size: name for name, size in (sizes | ({named[0].name: bare[1]} if bare else {})).items()}
     if isinstance(settings.corners, np.ndarray) and len(shapes) > 1:
         differ = "; ".join(f"{name} has {width} x {height} pixels" for (width, height), name in shapes.items())
-        faults.append(f"{SETTINGS}: corners for all, and {differ}: expected pictures of one size, or corners of each")
+        advice = "expected one size" + ("" if bare else ", or corners for each scene")
+        faults.append(f"{SETTINGS}: corners for all pictures, and {differ}: {advice}")
     if faults or samples is None:
         return None, faults
     frame = Frame((float(settings.size_m[0]), float(settings.size_m[1])))

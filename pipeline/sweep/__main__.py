@@ -96,7 +96,7 @@ def _drop_clones(folder: Path) -> None:
         try:
             if host == socket.gethostname():
                 os.kill(int(process), 0)
-        except ProcessLookupError:
+        except (ProcessLookupError, PermissionError):  # it is another user's by now
             shutil.rmtree(clone, ignore_errors=True)
 
 

@@ -74,14 +74,19 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
         axes[key] = list(dict.fromkeys(f"{key}={canonical(value)}" for value in override.sweep_iterator()))
         launched.append(f"{key}={','.join(text.partition('=')[2] for text in axes[key])}")
         for name in (text.partition("=")[2] for text in axes[key] if key.lstrip("+") == "experiment"):
-            file = CONF / "experiment" / f"{name}.yaml"
-            if file.is_file() and OmegaConf.select(OmegaConf.load(file), "hydra.sweeper.params"):
+            if sweeps(name):
                 raise InputError(f"{override.input_line}: {name} sweeps, too: name one, then --resume with the next")
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
         others = [axis[0] for name, axis in axes.items() if name != key]
         for value in axes[key]:
             validate(compose_parameters([*others, value]), [*GRAPH, *targets])
     return Plan(launched, fixed, defaults, [list(job) for job in product(*axes.values())])
+
+
+def sweeps(experiment: str) -> bool:
+    """Return whether an experiment of conf/ names parameters to sweep, instead of values."""
+    file = CONF / "experiment" / f"{experiment}.yaml"
+    return file.is_file() and bool(OmegaConf.select(OmegaConf.load(file), "hydra.sweeper.params"))
 
 
 def canonical(value: Any) -> str:

@@ -17,7 +17,7 @@ from pipeline.report.page import FOLDER, Site, environment, render_page, write_f
 from pipeline.report.style import label
 from pipeline.stats.tests import MIN_PAIRS
 from pipeline.sweep.job import Sweep
-from pipeline.sweep.plan import value_of
+from pipeline.sweep.plan import sweeps, value_of
 
 KINDS = {"accuracy_one_demo": "accuracy with one demonstration", "effect_error": "largest effect error"}
 LOWER_IS_BETTER = "effect_error.", "unsafe"  # how such headlines begin
@@ -59,7 +59,8 @@ def summarise(record: dict[str, Any], jobs: list[dict[str, Any]]) -> Summary:
     own = [text for job in done for text in job["overrides"] if text not in record["fixed"]]
     keys = list(dict.fromkeys(text.partition("=")[0].lstrip("+~") for text in own))
     settings = [load(job["path"] / "params.yaml") for job in done]
-    typed = [dict(text.lstrip("+~").partition("=")[::2] for text in job["overrides"]) for job in done]
+    pairs = [[text.lstrip("+~").partition("=")[::2] for text in job["overrides"]] for job in done]
+    typed = [{k: word for k, word in job if k != "experiment" or not sweeps(word)} for job in pairs]
     values = [  # a parameter may be swept by a later run alone; an experiment is none, and known by what was typed
         {key: value if (value := value_of(cfg, key)) != "null" else words.get(key, value) for key in keys}
         for cfg, words in zip(settings, typed, strict=True)

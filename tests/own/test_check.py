@@ -168,7 +168,7 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "half a label": (cell(5, "valid", ""), f"row 5: valid is empty, but not in all rows of {FIRST}"),
     "corners of other sizes": (
         several(corners("[[10, 10], [90, 10], [90, 90], [10, 90]]"), picture(np.full((200, 200, 3), 90, np.uint8))),
-        "table.yaml: corners for all, and 夕食 has 100 x 100 pixels; tea has 200 x 200 pixels",
+        "table.yaml: corners for all pictures, and 夕食 has 100 x 100 pixels; tea has 200 x 200 pixels",
     ),
     "a cut-out in centimetres": (lambda p: add_kind(p, "cup,blue.png,8\n"), "row 2: width_m is 8: expected"),
     "no label at all": (

@@ -269,6 +269,7 @@ def test_what_another_tool_wrote_stays_where_the_recorder_changes_nothing():
     here = replaced(elsewhere, f"{SCENES[0]}.png", (100, 100), [*shown[1:], added])  # without a part of the first item
     assert [one["id"] for one in here["annotations"]] == [7, 8, 9, 10]
     assert here["annotations"][0] == theirs["annotations"][1]
+    assert replaced(here, f"{SCENES[0]}.png", (9, 9), [])["images"][0]["width"] == 9
     assert (
         replaced(replaced(here, "lunch.png", (100, 100), None), f"{SCENES[0]}.png", (9, 9), None)["annotations"] == []
     )

@@ -105,6 +105,12 @@ def test_experiments_are_settings_of_their_own_and_a_later_run_leaves_the_defaul
     table = read_table(folder / "results.parquet")
     assert {*table["setting"]} == {"experiment=null", "experiment=one", "experiment=two"}
     assert {*read_table(folder / "differences.parquet")["setting"]} == {"experiment=one", "experiment=two"}
+    for beta, name in ((0, "beta"), (1, "latent"), (2, "latent")):  # those that sweep are no setting
+        file = folder / "jobs" / f"beta={beta}" / "params.yaml"
+        file.write_text(yaml.safe_dump(PARAMETERS | {"beta": beta}))
+        write_json(file.with_name("job.json"), {"overrides": [f"+experiment={name}", f"beta={beta}"], "state": "done"})
+    assert main(["summary", str(folder)]) == 1
+    assert {*read_table(folder / "differences.parquet")["setting"]} == {"beta=1", "beta=2"}
 
 
 def test_clones_of_jobs_that_may_still_run_stay(tmp_path: Path):

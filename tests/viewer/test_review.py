@@ -13,7 +13,17 @@ from pipeline.runtime.errors import InputError
 from pipeline.viewer.catalog import RUNS, SCENES, catalog
 from pipeline.viewer.digest import digest, worst_scenes
 from pipeline.viewer.linked import place, served
-from pipeline.viewer.review import REVIEWED, check, find, linked_to, note, recordings, reviews, worst
+from pipeline.viewer.review import (
+    REVIEWED,
+    are_of_this_commit,
+    check,
+    find,
+    linked_to,
+    note,
+    recordings,
+    reviews,
+    worst,
+)
 from pipeline.viewer.run import layout, write_run
 from tests.viewer.example import a_run
 
@@ -46,6 +56,10 @@ def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_clone_opens_what_git_keeps_and_the_stage_s_files_once_there_are_any(kept: Path, tmp_path: Path) -> None:
     assert find(kept, tmp_path, "full-careful-s3") == kept / "full-careful-s3.rrd"
+    (tmp_path / "recordings.csv").write_text("of another commit")
+    assert not are_of_this_commit(kept, tmp_path)
+    (tmp_path / "recordings.csv").write_bytes((kept / "recordings.csv").read_bytes())
+    assert are_of_this_commit(kept, tmp_path)
     (tmp_path / "full-careful-s3.rrd").touch()
     assert find(kept, tmp_path, "full-careful-s3") == tmp_path / "full-careful-s3.rrd"
     with pytest.raises(InputError, match=r"no recording 'ae-normal-s0' here, but full-careful-s3: .* `make repro`"):
@@ -136,9 +150,10 @@ def test_a_note_in_a_merge_leaves_what_the_merge_staged_and_other_contents_get_n
             note(kept, NONE, "full-careful-s3", "wrong", None, branch)
     with pytest.raises(InputError):
         git(repository, "merge", "theirs")
+    merged = git(repository, "ls-files", "--stage")
     with pytest.raises(InputError, match="merge"):
         note(kept, NONE, "full-careful-s3", "right", None, "ours")
-    assert "reviewed.csv" in git(repository, "diff", "--cached", "--name-only")
+    assert git(repository, "ls-files", "--stage") == merged and "reviewed.csv" in merged
 
 
 def test_the_command_of_the_guide_names_a_worst_scene_of_a_recording_in_git_and_keeps_its_note() -> None:

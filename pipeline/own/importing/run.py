@@ -145,7 +145,8 @@ def _confirmed(folder: Path, options: dict[str, Any]) -> tuple[Settings, Choices
             if held is not None and given != held and not (name == "columns" and given.items() <= held.items()):
                 what = f"--{name} says {given!r}, {SETTINGS} {held!r}"
                 raise InputError(f"{what}: correct it there, or leave the option out")
-        return files.check_settings(content), Choices.model_validate(confirmed | options)
+        options |= {name: held for name, held in confirmed.items() if held is not None}
+        return files.check_settings(content), Choices.model_validate(options)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, ("import", *first["loc"])))
@@ -203,8 +204,8 @@ def _write(
     if min(left, near) < 0 or right > size[0] or far > size[1]:
         advice = "correct size_m, unit, origin, turn_deg or y"
         notes.append(f"these leave the table of {size[0]:g} by {size[1]:g} m: {advice}")
-    if still := sum(one.whole and not parts for one, parts in zip(recordings, runs, strict=True)):
-        notes.append(f"demonstrations shorter than {segments.MIN_PATH_M:g} m, left out: {still}")
+    if still := sum(not parts for parts in runs):
+        notes.append(f"recordings without a demonstration of {segments.MIN_PATH_M:g} m, left out: {still}")
     if returns:
         notes.append(f"movements back to where the one before began, left out: {returns}; `segments: moves` keeps them")
     if min(right - left, far - near) < segments.REST_M:

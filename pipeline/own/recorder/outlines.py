@@ -77,9 +77,12 @@ def replaced(coco: dict[str, Any], file: str, size: tuple[int, int], items: Sequ
     numbers = [number for number, name in read.scenes.items() if name == scene]
     if items is None:
         images = [raw for raw, image in zip(images, read.images, strict=True) if image.id not in numbers]
-    elif not numbers:
-        numbers = [1 + max(read.scenes, default=0)]
-        images.append({"id": numbers[0], "file_name": file, "width": size[0], "height": size[1]})
+    else:
+        if not numbers:
+            numbers = [1 + max(read.scenes, default=0)]
+            images.append({"id": numbers[0], "file_name": file})
+        shape = {"width": size[0], "height": size[1]}
+        images = [raw | shape if raw["id"] in numbers else raw for raw in images]
     added, kept = list(items or []), []
     for raw, one in zip(annotations, read.annotations, strict=True):
         if one.image_id in numbers:
@@ -88,13 +91,11 @@ def replaced(coco: dict[str, Any], file: str, size: tuple[int, int], items: Sequ
                 continue
             added = [item for item in added if item not in outlines]
         kept.append(raw)
-    known, last = (
-        {name: number for number, name in read.kinds.items()},
-        max((one.id for one in read.annotations), default=0),
-    )
-    for number, item in enumerate(added, last + 1):
+    known = {name: number for number, name in read.kinds.items()}
+    highest = max(read.kinds, default=0)  # of two categories of one name, `known` has one
+    for number, item in enumerate(added, 1 + max((one.id for one in read.annotations), default=0)):
         if item.kind not in known:
-            known[item.kind] = 1 + max(known.values(), default=0)
+            known[item.kind] = highest = highest + 1
             categories.append({"id": known[item.kind], "name": item.kind})
         ring = np.array(item.points)
         low, high = ring.min(0), ring.max(0)

@@ -9,7 +9,7 @@ export const board = new Board($("picture"), $("canvas"));
 let overview = null; // what is recorded, from the server
 let scene = null; // what stands over the current picture, from the server
 let step = "paths";
-let user = localStorage.getItem("user") ?? "";
+let user = "";
 let sending = false;
 let opened = 0; // counts the scenes that were asked for
 
@@ -27,11 +27,12 @@ async function refresh() {
   overview = await ask("/api/overview");
   document.documentElement.style.setProperty("--valid", overview.colours.valid);
   document.documentElement.style.setProperty("--invalid", overview.colours.invalid);
+  const before = localStorage.getItem(`user of ${overview.folder}`);
+  if (!user && before) added.push(user = before);
   if (!allUsers().includes(user)) user = overview.users.length === 1 ? overview.users[0] : ""; // of several, nobody is guessed
-  const request = opened;
   if (scene && overview.scenes.includes(scene.name)) {
     const answer = await ask(sceneUrl("/api/scenes/", scene.name));
-    if (request === opened) scene = answer;
+    if (scene.name === answer.name) scene = answer;
   }
   showCounts();
   showUsers();
@@ -106,7 +107,7 @@ const unjudged = () => (step === "paths" && scene?.paths.filter(path => path.val
 
 function startPaths() {
   board.tool = new PathTool(overview.min_samples, say, showButtons);
-  say(user ? `Draw a path for ${user}: press where it begins, let go where it ends.` : "Add the name of the person who judges, then draw a path.");
+  say(user ? `Draw a path for ${user}: press where it begins, let go where it ends.` : "Say who judges, then draw a path.");
   tellUnjudged();
 }
 
@@ -137,8 +138,8 @@ async function judge(valid) {
     return;
   }
   if (!user) {
-    say("Say first who judges: add a name.", "bad");
-    $("user-name").focus();
+    say("Say first who judges: choose or add a name.", "bad");
+    (document.querySelector("#users input") ?? $("user-name")).focus();
     return;
   }
   sending = true;
@@ -181,8 +182,11 @@ async function startItems() {
   const name = scene.name;
   const { items, told, kinds, elsewhere } = await ask(sceneUrl("/api/items/", name));
   if (scene.name !== name || step !== "items") return;
-  $("counted").textContent = "";
-  if (elsewhere) return say(`${elsewhere} tells what stands here: change it there.`);
+  if (elsewhere) {
+    $("counted").textContent = $("kind").value = "";
+    for (const id of ["accept", "delete", "undo-items"]) $(id).disabled = true;
+    return say(`${elsewhere} tells what stands here: change it there.`);
+  }
   showKinds(kinds);
   const tool = new OutlineTool({ items, told, found: [], propose: (point, edge) => attempt(() => outline(tool, name, point, edge)), changed: () => store(tool, name) });
   board.tool = tool;
@@ -225,6 +229,7 @@ function acceptAll(tool) {
 }
 
 function showItem(tool) {
+  if (board.tool !== tool) return; // the person has gone on
   const item = tool.items[tool.chosen];
   if (item && document.activeElement !== $("kind")) $("kind").value = item.kind;
   $("delete").disabled = !item;
@@ -294,7 +299,7 @@ function drawScene(context, unit) {
 
 // ---- lists
 
-const added = user ? [user] : []; // names that were typed and may have no path yet
+const added = []; // names that were typed and may have no path yet
 const allUsers = () => [...new Set([...(overview?.users ?? []), ...added])];
 
 function showUsers() {
@@ -311,7 +316,7 @@ function showUsers() {
 
 function choose(name) {
   user = name;
-  localStorage.setItem("user", name);
+  localStorage.setItem(`user of ${overview.folder}`, name);
   showUsers();
   showButtons();
   if (waiting()) say(`Is it valid for ${user}?`);

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
@@ -27,7 +26,6 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
 HEADER = "# Where the table is in the pictures, written by the recorder. docs/own-tables.md says what each line is.\n"
-IMPORT = re.compile(r"^import *:.*\n?(?:(?:[ #].*)?\n|[ #].*)*", re.MULTILINE)  # in table.yaml: how a log was read
 COLUMNS = files.COLUMNS[DEMONSTRATIONS]
 FIELDS = 10  # of the grid over the table, a side
 MIN_STEP_MS = 8.0  # between stored samples; some pens report 240 a second
@@ -217,10 +215,9 @@ class Recordings:
             else:
                 values |= {"rectified": True} if placed is None else {"corners": placed.round(1).tolist()}
             files.check_settings(values)
-            written = self.folder / SETTINGS
-            imported = IMPORT.search(written.read_text(encoding="utf-8")) if written.is_file() else None
             text = HEADER + yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
-            write_durably(written, text + (imported[0] if imported else ""))
+            before = (self.folder / SETTINGS).read_text(encoding="utf-8") if (self.folder / SETTINGS).is_file() else ""
+            write_durably(self.folder / SETTINGS, files.with_import(text, before))
 
     def recorded(self) -> list[pd.DataFrame]:
         """Return the rows of each path (the same scene, user and demo) in their order."""

@@ -194,7 +194,7 @@ def test_a_demonstration_that_hardly_moves_is_left_out_and_counted(tmp_path: Pat
     (tmp_path / "log.csv").write_text("\n".join(["t,x,y,demo", *lines]))
     assert set(imported(tmp_path / "log.csv")[0]["demo"]) == {"1"}
     said = capsys.readouterr().out
-    assert "demonstrations shorter than 0.1 m, left out: 1" in said and "times are taken for s" in said
+    assert "recordings without a demonstration of 0.1 m, left out: 1" in said and "times are taken for s" in said
 
 
 def test_two_logs_that_make_one_scene_are_refused(tmp_path: Path):

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 
+from pipeline.own import files
 from pipeline.own.recorder.storage import Recordings
 from pipeline.runtime.errors import InputError
 from tests.own.folders import whole
@@ -115,6 +116,8 @@ def test_corners_of_one_picture_leave_those_of_the_others_and_crossing_ones_are_
         recordings.place_table("first", True, crossed, [1.0, 1.0])
     assert (recordings.folder / "table.yaml").read_text() == before
     moved = (np.array(CORNERS) + 5.0).tolist()
+    flow = files.with_import("size_m: 2\n", "import: {\n  unit: mm\n}\nsize_m: 1\n")  # no lines of its own
+    assert yaml.safe_load(flow) == {"size_m": 2, "import": {"unit": "mm"}}
     imported = "import:\n  unit: mm  # guessed\n"
     (recordings.folder / "table.yaml").write_text(f"{imported}{before}")
     recordings.place_table("second", False, moved, [0.8, 0.5])
