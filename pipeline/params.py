@@ -196,4 +196,6 @@ def main(argv: list[str]) -> int:
 
 if __name__ == "__main__":
     with reported(OSError, yaml.YAMLError):
+        if Path.cwd() != ROOT:
+            raise InputError(f"this is not the project's folder, whose params.yaml is written: run it in {ROOT}")
         sys.exit(main(sys.argv[1:]))

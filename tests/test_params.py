@@ -1,5 +1,7 @@
 """params.yaml is what conf/ composes, and no wrong parameter reaches a stage."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -104,6 +106,11 @@ def test_an_edit_of_conf_or_of_params_yaml_is_found(own_conf: Path, capsys: pyte
     scenes = own_conf / "scenes.yaml"
     scenes.write_text(scenes.read_text().replace("per_seed: ", "per_seed: 1"))
     assert params.main(["--check", "--out", "out.txt"]) == 1 and not Path("out.txt").exists()
+
+
+def test_a_folder_below_the_project_s_gets_no_params_yaml(tmp_path: Path):
+    run = subprocess.run([sys.executable, "-m", "pipeline.params"], cwd=tmp_path, capture_output=True, text=True)
+    assert run.returncode == 2 and f"run it in {ROOT}" in run.stderr and not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

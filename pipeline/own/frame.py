@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
@@ -60,9 +60,14 @@ def to_metres(corners: Float[Array, "4 2"], size_m: Sequence[float] | Array) -> 
     return matrix * np.sign(depth)  # depths are positive on this side of the table's horizon
 
 
+def on_this_side(matrix: Float[Array, "3 3"], points: Float[Array, "n 2"]) -> Bool[Array, " n"]:
+    """Return which points lie on the picture's side of the table's horizon."""
+    return points @ matrix[2, :2] + matrix[2, 2] > MIN_DEPTH
+
+
 def mapped(matrix: Float[Array, "3 3"], points: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
     """Return points under a homography; raise InputError for points at or beyond the table's horizon."""
-    if (points @ matrix[2, :2] + matrix[2, 2] <= MIN_DEPTH).any():
+    if not on_this_side(matrix, points).all():
         raise InputError("a point lies above the horizon of the table: draw on the table")
     return cv2.perspectiveTransform(points[:, None].astype(np.float64), matrix)[:, 0]
 

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from pipeline.own import files
 from pipeline.own.files import ITEMS, Faults, Settings, normal
-from pipeline.own.frame import mapped, outline, to_metres, whole
+from pipeline.own.frame import mapped, on_this_side, outline, to_metres, whole
 from pipeline.own.pictures import MAX_PIXELS, decoded
 from pipeline.runtime.errors import InputError
 
@@ -83,11 +83,15 @@ class Views(NamedTuple):
     sizes: Mapping[str, tuple[int, int]]
     settings: Settings
 
-    def to_table(self, scene: str, pixels: Float[Array, "point 2"]) -> Float[Array, "point 2"]:
-        """Return places [column, row] of a scene's picture in metres on the table; InputError beyond its horizon."""
+    def to_table(self, scene: str, rings: list[Float[Array, "point 2"]]) -> list[Float[Array, "point 2"]]:
+        """Return polygons [column, row] of a scene's picture in metres on the table, without those above its horizon.
+
+        Raises InputError for one that crosses the horizon.
+        """
         corners = self.settings.corners_of(scene)
         corners = whole(*self.sizes[scene]) if corners is None else corners
-        return mapped(to_metres(corners, self.settings.size_m), pixels)
+        matrix = to_metres(corners, self.settings.size_m)
+        return [mapped(matrix, ring) for ring in rings if on_this_side(matrix, ring).any()]
 
     def is_beside(self, part: Float[Array, "point 2"]) -> bool:
         """Return whether a polygon [m] lies beside the table."""
@@ -102,10 +106,10 @@ def read_items(path: Path, views: Views, faults: Faults) -> dict[str, list[Told]
         for scene, items in (read(path, views, faults) if (path / name).exists() else {}).items():
             if scene in owner:
                 faults.append(f"{name}: items of {scene} stand in {owner[scene]}, too: keep one of them")
-            faults += [f"{name}: {fault}" for fault in _faults_of(scene, items, views)]
-            if beside := [kind for kind, parts in items if all(map(views.is_beside, parts))]:
-                faults.notes.append(f"{name}: {len(beside)} of {len(items)} items of {scene} lie beside the table")
             told[scene] = [item for item in items if not all(map(views.is_beside, item.parts))]
+            faults += [f"{name}: {fault}" for fault in _faults_of(scene, told[scene], views)]
+            if beside := len(items) - len(told[scene]):
+                faults.notes.append(f"{name}: {beside} of {len(items)} items of {scene} lie beside the table")
             owner[scene] = name
     return told
 
@@ -197,7 +201,7 @@ def _polygons(one: Annotation, scene: str, views: Views) -> list[Float[Array, "p
             raise InputError("a polygon crosses itself: draw it anew")
     if not rings or sum(cv2.contourArea(ring.astype(np.float32)) for ring in rings) < MIN_ITEM_SHARE * size.prod():
         raise InputError("it encloses nothing: outline the item, or remove it")
-    return [views.to_table(scene, ring) for ring in rings]
+    return views.to_table(scene, rings)
 
 
 def rings_of(one: Annotation) -> list[Float[Array, "point 2"]]:
@@ -278,7 +282,7 @@ def _from_masks(path: Path, views: Views, faults: Faults) -> dict[str, list[Told
             for value in np.unique(mask[mask > 0]):
                 rings = _rings_in((mask == value).astype(np.uint8))
                 try:
-                    told[scene] += [Told("", [views.to_table(scene, ring) for ring in rings])] if rings else []
+                    told[scene] += [Told("", views.to_table(scene, rings))] if rings else []
                 except InputError as error:
                     faults.append(f"{name}: {error}")
     return told

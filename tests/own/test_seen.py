@@ -148,6 +148,17 @@ def test_items_beside_the_table_are_left_out_and_counted(path: Path):
     assert folder.seen.objects.present[folder.scenes.index(SCENES[0])].sum() == 1
 
 
+def test_items_above_the_horizon_of_the_table_lie_beside_it_and_one_across_it_is_a_fault(path: Path):
+    """Its sides meet at row 6 of the picture."""
+    (path / "table.yaml").write_text("corners: [[25, 50], [75, 50], [100, 94], [0, 94]]\nsize_m: [1, 1]")
+    above = {"segmentation": [[10, 0, 90, 0, 90, 5]]}
+    (path / "items.json").write_text(coco({}, above, above))
+    folder, faults = read_folder(path)
+    assert folder is not None and faults.notes == ["items.json: 2 of 3 items of breakfast lie beside the table"]
+    (path / "items.json").write_text(coco({"segmentation": [[40, 2, 48, 2, 48, 50]]}))
+    assert ["above the horizon" in fault for fault in read_folder(path)[1]] == [True]
+
+
 def test_outlines_of_thousands_of_points_take_little_memory():
     turns = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
     tracemalloc.start()

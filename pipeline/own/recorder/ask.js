@@ -7,10 +7,12 @@ let user = "";
 let next = null; // what the server shows: {trial, points, picture, answered, left_s, apart, note, wanted, taken, known}
 let since = 0; // when its picture was shown
 let sending = false;
+let shown = 0; // how many trials were shown: undo may call the next while a picture is on its way
 
 const busy = is => document.body.setAttribute("aria-busy", is);
 
 async function show(told) {
+  const turn = ++shown;
   next = null;
   busy(true);
   $("trial").hidden = false;
@@ -32,24 +34,23 @@ async function show(told) {
     return;
   }
   await board.show(told.picture + (told.taken ? `?${told.taken}` : ""), "A table with a path");
+  if (turn !== shown) return; // the person has taken an answer back
   next = told;
   board.redraw();
   since = performance.now();
-  sending = false;
   busy(false);
 }
 
 async function send(path, values) { // shows what is due, also after an answer from another window
-  if (sending || !next) return;
+  if (sending) return;
   sending = true;
   if ($("message").textContent) say("");
-  try {
-    await show(await ask(path, { user, ...values }));
-  } catch (error) {
+  const told = await ask(path, { user, ...values }).catch(error => {
     say(error.message, "bad");
-    await ask("/api/begin", { user }).then(show).catch(() => {});
-  }
+    return ask("/api/begin", { user }).catch(() => null);
+  });
   sending = false;
+  if (told) await show(told);
 }
 
 function answer(valid) {
@@ -78,7 +79,7 @@ $("invalid").addEventListener("click", () => answer(false));
 $("undo").addEventListener("click", () => send("/api/undo", {}));
 $("file").addEventListener("change", event => {
   const reader = new FileReader();
-  reader.onload = () => send("/api/photograph", { trial: next.trial, picture: reader.result });
+  reader.onload = () => next && send("/api/photograph", { trial: next.trial, picture: reader.result });
   if (event.target.files.length) reader.readAsDataURL(event.target.files[0]);
 });
 document.addEventListener("keydown", event => {

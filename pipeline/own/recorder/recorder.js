@@ -66,6 +66,7 @@ function firstOpenScene() { // the first to judge, or without a path of this per
 
 async function open(name) {
   board.tool = null;
+  showButtons();
   const request = ++opened;
   const answer = await ask(sceneUrl("/api/scenes/", name));
   if (request !== opened) return; // the person has gone on
@@ -171,7 +172,7 @@ function showButtons() {
   const drawn = waiting() && !sending;
   $("discard").disabled = !drawn;
   for (const id of ["valid", "invalid"]) $(id).disabled = !drawn && (sending || !unjudged().length);
-  $("undo").disabled = sending || !ownPaths().length;
+  $("undo").disabled = sending || !board.tool || !ownPaths().length;
 }
 
 // ---- outlines of items
