@@ -69,15 +69,17 @@ def main(benchmarks: Path, repro: Path) -> None:
     """Write all files from the benchmarks' json and, if it exists, bench.repro's."""
     measured = json.loads(benchmarks.read_text(encoding="utf-8"))
     growth: dict = {}
-    commands = json.loads(repro.read_text(encoding="utf-8")) if repro.is_file() else {}
-    results = {"machine": machine(measured["machine_info"]), "growth": growth, "commands": commands}
+    before = json.loads((HERE / "results.json").read_text(encoding="utf-8"))["commands"]
+    commands = {name: row for name, row in before.items() if name.startswith("sealed")}  # measured once, by hand
+    commands |= json.loads(repro.read_text(encoding="utf-8")) if repro.is_file() else {}
+    results = {"machine": machine(measured), "growth": growth, "commands": commands}
     for run in measured["benchmarks"]:
         results |= run["extra_info"].get("results", {})
         growth |= run["extra_info"].get("growth", {})
     rounded = json.loads(json.dumps(results), parse_float=lambda text: float(f"{float(text):.4g}"))
     (HERE / "results.json").write_text(json.dumps(rounded, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     _growth(growth).savefig(HERE / "growth.svg")
-    graphs = (commands.get(name, {}) for name in ("repro", "studies", "sealed_studies"))
+    graphs = (commands.get(name, {}) for name in ("repro", "studies"))
     if stages := {name: minutes for graph in graphs for name, minutes in graph.get("stages", {}).items()}:
         _stages(stages).savefig(HERE / "repro.svg")
     (HERE / "README.md").write_text(page(results), encoding="utf-8")
@@ -99,10 +101,12 @@ def scaling(results: dict) -> list[dict[str, float]]:
     ]
 
 
-def machine(info: dict) -> dict[str, str | int]:
-    """Return the machine on which the figures were measured, from what pytest-benchmark says of it."""
+def machine(measured: dict) -> dict[str, str | int]:
+    """Return the commit of which the figures are, and their machine, from what pytest-benchmark says."""
+    info = measured["machine_info"]
     cpu, flags = info["cpu"], info["cpu"].get("flags", [])
     return {
+        "commit": measured["commit_info"]["id"][:8],
         "processor": cpu.get("brand_raw", info["processor"]),
         "cores": cpu["count"],
         "vectors": "AVX-512" if "avx512f" in flags else "AVX2" if "avx2" in flags else "unknown",
