@@ -17,6 +17,13 @@ def __getattr__(name: str) -> Any:
     """Import the library interface on first use."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from pipeline import library
+    import torch
 
+    dtype = torch.get_default_dtype()
+    torch.set_default_dtype(torch.float32)  # tensors that modules make are no part of the caller's state
+    try:
+        with torch.inference_mode(False), torch.device("cpu"):
+            from pipeline import library
+    finally:
+        torch.set_default_dtype(dtype)
     return getattr(library, name)

@@ -9,6 +9,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from threading import RLock
@@ -29,6 +30,7 @@ from pipeline.models.base import ValidityModel, check_images, check_paths, is_ar
 from pipeline.models.curves import resample
 from pipeline.models.trained import build, read_weights
 from pipeline.perception.objects import Objects
+from pipeline.perception.segmenter import read_segmenter
 from pipeline.planning.bumps import POINTS, basis, nearest
 from pipeline.planning.nearest import by_model
 from pipeline.planning.repair import Ascent
@@ -37,7 +39,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 from pipeline.stats.crossed import estimate
 from pipeline.stats.tests import MIN_PAIRS, verdict
-from pipeline.training.loop import Checkpoints
+from pipeline.training.loop import Checkpoints, need_finite
 from pipeline.training.trainers import trainer
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
@@ -142,10 +144,11 @@ def fit(
     images: uint8 (scene, 100, 100, 3), seen from above, row 0 at the far edge of the 1 m table. A clearance model also
     takes `Objects`: what stands on each table, as somebody told; its model then takes them everywhere.
     paths: (scene, n, 2) [m], z_theta, the control point of each demonstrated path of the paper's kind; or
-    (scene, n, point, 2) [m], points along paths of any shape and ends. A model takes the kind that it was fitted to.
+    (scene, n, point, 2) [m], points along paths of any shape and ends. A model takes the kind that it was fitted to;
+    irl_maxent, which weighs a path against all of the paper's, takes z_theta alone.
     valid: bool (scene, n), the user's labels.
     variant: one of SETTINGS (full, ae, classifier, irl_maxent, irl_ranked, clearance).
-    seed: decides the initial weights and all randomness of the training.
+    seed: decides the initial weights and the order of training; IRL's changes of pictures hang on the pictures.
     progress: show a bar of the training's steps.
 
     Raises InputError if an argument has a wrong type, shape or unit, or if there are fewer than 2 scenes. Labels that
@@ -164,8 +167,12 @@ def fit(
         kind = "valid" if valid.all() else "invalid"
         warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=3)
     settings, seed = SETTINGS[variant], int(seed)
-    if isinstance(images, Objects) and settings["kind"] == "clearance":
+    if isinstance(images, Objects):
+        if settings["kind"] != "clearance":
+            raise InputError(f"images are Objects: variant {variant} sees pictures alone; only clearance takes these")
         settings = settings | {"model": settings["model"] | {"kinds": images.kinds.shape[-1]}}
+    if paths.ndim == 4 and variant == "irl_maxent":
+        raise InputError("paths are points: irl_maxent takes z_theta (scene, n, 2) alone; irl_ranked takes points, too")
     if paths.ndim == 4 and settings["kind"] == "vae":
         settings = settings | {"model": settings["model"] | {"path_numbers": 2 * CURVE_POINTS}}
     model = build(settings, seed)
@@ -173,7 +180,8 @@ def fit(
     steps = TRAINING[settings["stage"]]["steps"]
     bar = _Bar(steps[settings["objective"]] if settings["stage"] == "irl" else steps, progress)
     with bar.bar:
-        trainer(settings, TRAINING).fit([model], [images], [z], [valid], seeds=[seed], checkpoints=bar)
+        curves = trainer(settings, TRAINING).fit([model], [images], [z], [valid], seeds=[seed], checkpoints=bar)
+    need_finite(curves[0], variant)
     model.settings = {"variant": variant, "kind": settings["kind"], "model": settings["model"], "seed": seed}
     return model.eval()
 
@@ -182,8 +190,8 @@ def fit(
 def repair(model: ValidityModel, images: Array | Objects, starts: Array, free_ends: bool = False) -> Array:
     """Return, for each start, the path that the model accepts, z_theta or points as the starts [m]; NaN if none.
 
-    images, starts: as the images and paths of `fit`. Curves come back with as many points, evenly along them, and keep
-    their ends unless free_ends.
+    images, starts: as the images and paths of `fit`. Curves come back with as many points, moved ones evenly along
+    them, and keep their ends unless free_ends. The model is asked about these points: too few can give NaN.
 
     An accepted path has P(valid) > .8: the start itself, if it is accepted. For z_theta, takes the paper's gradient
     steps on the model's log-odds and returns the nearest accepted point on the way, which can be far from the start;
@@ -213,8 +221,9 @@ def _nearest_curves(model: ValidityModel, images: Array | Objects, starts: Array
         if log_valid(scene, even[[scene], path])[0] <= np.log(ACCEPTED_ABOVE):
             offsets, log_p = nearest(log_valid, scene, even[scene, path], CURVE_PENALTY, free_ends)
             moved = torch.from_numpy(even[scene, path] + basis(free_ends) @ offsets)[None, None]
-            accepted = log_p > np.log(ACCEPTED_ABOVE)
-            ends[scene, path] = resample(moved, starts.shape[2])[0, 0] if accepted else np.nan
+            end = resample(moved, starts.shape[2])[0].numpy()
+            accepted = min(log_p, log_valid(scene, end)[0]) > np.log(ACCEPTED_ABOVE)
+            ends[scene, path] = end[0] if accepted else np.nan
     return ends
 
 
@@ -295,6 +304,7 @@ def load(path: str | Path) -> ValidityModel:
     except (SafetensorError, KeyError, TypeError, ValueError, AttributeError, RuntimeError) as error:  # wrong settings
         raise InputError(f"{path} is not a model that `save` wrote ({error!r}): fit and save it again") from error
     model.settings = settings
+    read_segmenter()  # kept for good: `probability`, which meets the caller's default dtype, finds it
     return model.eval()
 
 
@@ -305,9 +315,17 @@ def _check_model(model: Any) -> None:
 
 
 def _check_images(images: Any, name: str) -> None:
-    """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3) and not black."""
+    """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3) and not black.
+
+    Objects must be finite, and without a gap before the last of a scene.
+    """
     check_images(images, name)
     if isinstance(images, Objects):
+        arrays = [getattr(images, field.name) for field in fields(images)]
+        if not all(np.isfinite(array).all() for array in arrays):
+            raise InputError(f"{name} hold numbers that are not finite: expected finite ones, also of absent objects")
+        if (images.present[:, 1:] & ~images.present[:, :-1]).any():
+            raise InputError(f"{name} have gaps before present objects: make them by `Objects.of`")
         return
     black = ~np.median(images.reshape(len(images), -1, 3), axis=1).any(1)
     if black.any():

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,11 +20,13 @@ from scipy.stats import ttest_1samp
 
 import pipeline
 from pipeline import library
+from pipeline.models.curves import resample
+from pipeline.perception.objects import FEATURES, Object, Objects
 from pipeline.runtime.errors import InputError
-from pipeline.world.bezier import random_z_theta
+from pipeline.world.bezier import bezier, random_z_theta
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance
-from tests.factories import RED, WHITE, composed, draw_table
+from tests.factories import RED, WHITE, as_controls, composed, draw_table
 
 SCENES, PATHS, MARGIN = 12, 9, 0.04
 
@@ -68,6 +71,24 @@ def test_the_example_of_docs_library(example, tmp_path, monkeypatch):
     pipeline.save(model, tmp_path / "model.safetensors")
     again = pipeline.load(tmp_path / "model.safetensors")
     assert np.array_equal(again.probability(images, z_theta), p)
+
+
+@pytest.mark.slow
+def test_repaired_curves_are_accepted_as_they_come_back_and_keep_their_ends(example, monkeypatch):
+    monkeypatch.setitem(library.TRAINING["clearance"], "steps", 250)
+    images, _, z_theta, valid = (array[:6] for array in example)
+    points = bezier(as_controls(z_theta), 80)
+    model = pipeline.fit(images, points, valid)
+    through = np.broadcast_to([[0.08, 0.7], [0.92, 0.7]], (6, 1, 2, 2))  # the red disc
+    found = []
+    for starts in (points, resample(torch.from_numpy(through), 80).numpy(), through):
+        ends = pipeline.repair(model, images, starts)
+        accepted = np.isfinite(ends).all((-1, -2))
+        assert ends.shape == starts.shape
+        assert (model.probability(images, np.nan_to_num(ends))[accepted] > library.ACCEPTED_ABOVE - 1e-3).all()
+        np.testing.assert_allclose(ends[accepted][:, [0, -1]], starts[accepted][:, [0, -1]], atol=1e-6)
+        found.append(accepted.mean())
+    assert found[0] > 0.8 and found[1] > 0.5 and found[2] == 0, "two points cannot go round anything"
 
 
 @contextmanager
@@ -249,6 +270,55 @@ def test_what_does_not_fit_is_refused_with_what_was_expected(example, change, me
     images, _, z_theta, valid = example
     with pytest.raises(InputError, match=message):
         pipeline.fit(**change({"images": images, "paths": z_theta, "valid": valid}))
+
+
+ONE = Object(np.full((2, 2), 0.5), 0.05, np.zeros(len(FEATURES)), np.zeros(0, np.float32))
+TOLD = Objects.of([[ONE, ONE]] * SCENES, [0.0] * SCENES, 0)
+
+
+@pytest.mark.parametrize(
+    ("objects", "variant", "message"),
+    [
+        (TOLD, "full", "variant full sees pictures alone"),
+        (TOLD, "irl_ranked", "variant irl_ranked sees pictures alone"),
+        (replace(TOLD, present=np.roll(TOLD.present, 1, axis=1)), "clearance", "gaps before present objects"),
+        (replace(TOLD, features=TOLD.features * np.nan), "clearance", "not finite"),
+    ],
+)
+def test_told_objects_that_no_model_could_read_are_refused(example, objects: Objects, variant: str, message: str):
+    with pytest.raises(InputError, match=message):
+        pipeline.fit(objects, *example[2:], variant=variant)
+
+
+def test_maximum_entropy_takes_the_papers_paths_alone(example):
+    with pytest.raises(InputError, match="irl_maxent takes z_theta"):
+        pipeline.fit(example[0], np.repeat(example[2][:, :, None], 2, axis=2), example[3], variant="irl_maxent")
+
+
+def test_a_caller_who_set_torch_before_the_first_use_gets_the_same(few, tmp_path):
+    np.savez(tmp_path / "few.npz", *few)
+    code = """
+import sys, numpy as np, torch
+if sys.argv[1] == "set":
+    torch.set_default_dtype(torch.float64)
+    torch.inference_mode().__enter__()
+import pipeline
+pipeline.Effect
+from pipeline import library
+library.TRAINING["clearance"]["steps"] = 3
+images, _, paths, valid = np.load("few.npz").values()
+pipeline.save(pipeline.fit(images, paths, valid), "model")
+print(pipeline.load("model").probability(images, paths).tobytes().hex())
+"""
+    runs = [
+        subprocess.run([sys.executable, "-c", code, how], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+        for how in ("as it is", "set")
+    ]
+    assert runs[0].stdout and runs[0].stdout == runs[1].stdout, runs[1].stderr[-2000:]
+    model = "import torch, numpy as np, pipeline; torch.set_default_dtype(torch.float64); m = pipeline.load('model');"
+    model += "print(m.probability(np.load('few.npz')['arr_0'], np.load('few.npz')['arr_2']).tobytes().hex())"
+    fresh = subprocess.run([sys.executable, "-c", model], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert fresh.stdout == runs[0].stdout, fresh.stderr[-2000:]
 
 
 def test_parameters_are_read_without_torch():

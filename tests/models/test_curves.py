@@ -61,15 +61,7 @@ def test_every_model_reads_a_curve_whatever_points_it_is_given_by(variant: str):
     np.testing.assert_allclose(p, from_fine, atol=2e-3)
 
 
-@pytest.mark.slow
-def test_a_fitted_model_repairs_curves_between_their_ends_and_says_where_it_cannot(monkeypatch):
-    monkeypatch.setitem(library.TRAINING["clearance"], "steps", 60)
-    valid = line_clearance(LAYOUTS, POINTS).min(-1) > 0.03
-    model = library.fit(IMAGES, POINTS, valid)
-    ends = library.repair(model, IMAGES, POINTS)
-    assert ends.shape == POINTS.shape
-    found = np.isfinite(ends).all((-1, -2))
-    np.testing.assert_allclose(ends[found][:, [0, -1]], POINTS[found][:, [0, -1]], atol=1e-6)
+def test_a_model_of_z_theta_refuses_curves():
     with pytest.raises(InputError, match="fitted to z_theta"):
         build(library.SETTINGS["full"]).probability(IMAGES, POINTS)
 
