@@ -156,6 +156,7 @@ params: $(READY)  ## write params.yaml from conf/
 
 POOL := outputs/segmenter
 segmenter: data-here  ## train perception anew on composites, 80 minutes on two cores; its weights are in git, so no other target needs it
+	rm -rf $(POOL)
 	python -m making.segmenter.pool --pool $(POOL) --parts 112 & python -m making.segmenter.train --pool $(POOL) --steps 14000 && wait
 
 data: $(READY)  ## draw data/ anew and put it into the store

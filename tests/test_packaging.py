@@ -59,3 +59,8 @@ def test_what_a_module_imports_is_installed_with_its_extra(
     packages = imports.find_upstream_modules(module) - imports.find_descendants("pipeline") - {"pipeline"}
     needed = {distributions[name][0].lower() for name in packages - sys.stdlib_module_names}
     assert needed <= installed, needed - installed
+
+
+def test_locks_name_versions_that_every_index_has():
+    lines = [line for path in ROOT.glob("requirements*.lock") for line in path.read_text().splitlines()]
+    assert len(lines) > 200 and [line for line in lines if "+" in line] == []

@@ -1,6 +1,6 @@
 """The pictures that the segmenter learns from: composites, scenes of the drawn world, and path-traced tables.
 
-python -m making.segmenter.pool --pool FOLDER --parts 44
+python -m making.segmenter.pool --pool FOLDER --parts 112
 
 It draws a pool of the first two on disk, in parts that the training maps into memory as they appear.
 """

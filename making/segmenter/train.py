@@ -33,7 +33,8 @@ COOL_DOWN = 0.25  # share of the steps, the last ones, in which it falls to 0
 WEIGHT_DECAY = 1e-3
 REUSE = 4  # times that a picture is used on average, each time changed
 FIRST_PARTS = 8  # parts drawn before training begins
-CHECKPOINT_EVERY = 250  # steps
+REPORT_EVERY = 250  # steps
+PATIENCE_S = 600  # longest wait for a part
 P_PATH_TRACED = 0.18  # share of the pictures that are of the path-traced training split
 PATH_TRACED = Path("rendered/pictures/train")
 
@@ -156,8 +157,12 @@ def batches(rng: np.random.Generator, pool: Path) -> Iterator[Part]:
     step = 0
     while True:
         while len(parts) < max(FIRST_PARTS, math.ceil(step * BATCH / (PART * REUSE))):
-            path = part_file(pool, len(parts))
+            path, asked = part_file(pool, len(parts)), time.monotonic()
             while not path.exists():
+                if time.monotonic() - asked > PATIENCE_S:
+                    raise SystemExit(
+                        f"error: {path} did not come: the pool's process has ended, or has too few --parts"
+                    )
                 time.sleep(1)
             parts.append(np.load(path, mmap_mode="r"))
         chosen = rng.integers(len(parts) * PART, size=BATCH)
@@ -169,7 +174,7 @@ def batches(rng: np.random.Generator, pool: Path) -> Iterator[Part]:
 
 
 def train(pool: Path, out: Path, steps: int) -> list[float]:
-    """Train for `steps` steps and return the losses; write the weights every CHECKPOINT_EVERY steps and at the end."""
+    """Train for `steps` steps and return the losses; write the weights at the end."""
     torch.manual_seed(SEED)
     rng = np.random.default_rng(SEED)
     segmenter = Segmenter(normalised=True).to(memory_format=torch.channels_last)  # pyright: ignore
@@ -183,10 +188,10 @@ def train(pool: Path, out: Path, steps: int) -> list[float]:
         objective.backward()
         optimiser.step()
         losses.append(float(objective.detach()))
-        if len(losses) % CHECKPOINT_EVERY == 0 or len(losses) == steps:
-            save(segmenter, out)
-            mean = np.mean(losses[-CHECKPOINT_EVERY:])
+        if len(losses) % REPORT_EVERY == 0 or len(losses) == steps:
+            mean = np.mean(losses[-REPORT_EVERY:])
             print(f"{len(losses)} of {steps} steps, {time.monotonic() - began:.0f} s, loss {mean:.4f}", flush=True)
+    save(segmenter, out)
     return losses
 
 
