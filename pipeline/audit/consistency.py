@@ -15,6 +15,8 @@ from pipeline.report.exports import contents, fill
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import PROCESSORS, ROOT
 
+REVIEWED = "reports/reviewed.csv"  # people's verdicts on recordings; pipeline.viewer, which writes it, needs an extra
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -117,8 +119,8 @@ def parameters(clone: Path) -> Checked:
 
 
 def outputs(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Checked:
-    """Check that every result in git is the one that its stage's lock names, and that nothing else lies there."""
-    known = [str(PROCESSORS), *(out["path"] for stage in locks.values() for out in stage.get("outs", []))]
+    """Check that each result in git is what its stage's lock names, and that only people's verdicts lie beside."""
+    known = [str(PROCESSORS), REVIEWED, *(out["path"] for stage in locks.values() for out in stage.get("outs", []))]
     tracked = git(clone, "ls-files", "reports").split()
     stray = [file for file in tracked if not any(Path(file).is_relative_to(out) for out in known)]
     faults = _changes(clone, status, "changed outs") + [Fault(file, "no stage writes it") for file in stray]
