@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.causal.scm import chance_of_change
-from pipeline.stats.crossed import ratio
+from pipeline.stats.crossed import Held, ratio
 from pipeline.stats.scores import DECISION
 from pipeline.world.layout import EMPTY, Layouts
 
@@ -100,7 +100,7 @@ def baselines(
     return {"random_item": random, "nearest_item": nearest}
 
 
-def score_attributions(model: Removals, truth: Removals, chances: Mapping[str, Array]) -> dict[str, float]:
+def score_attributions(model: Removals, truth: Removals, chances: Mapping[str, Array], items: Held) -> dict[str, float]:
     """Return scores of the models' attributions (seed, scene, path) of truly rejected paths (scene, path).
 
     All scores refer to the paths that both model and truth reject. Without such paths only `rejected`, 0, is returned.
@@ -110,7 +110,8 @@ def score_attributions(model: Removals, truth: Removals, chances: Mapping[str, A
     - right: how often the model names the single cause; baseline_*: `right` of each baseline in `chances`.
     - empty_rejected: how often the model also rejects the path on the empty table.
 
-    The interval of `right` is over seeds crossed with scenes; NaN below MIN_PAIRS or MIN_SCENES.
+    The interval of `right` is over seeds crossed with scenes, whose `items` are chance; NaN below MIN_PAIRS or
+    MIN_SCENES.
     """
     cause, invalid = attribute(truth.necessity), np.broadcast_to(truth.factual == 0, model.factual.shape)
     rejected = invalid & (model.factual <= DECISION)
@@ -122,7 +123,7 @@ def score_attributions(model: Removals, truth: Removals, chances: Mapping[str, A
     scores |= {"ci_low": np.nan, "ci_high": np.nan}
     count = single.sum(-1)  # (seed, scene)
     if (count > 0).sum() >= MIN_PAIRS and (count > 0).any(0).sum() >= MIN_SCENES:
-        interval = ratio((single & right).sum(-1).astype(float)[None], count[None].astype(float))
+        interval = ratio((single & right).sum(-1).astype(float)[None], count[None].astype(float), items)
         scores |= interval.row("right", "ci_low", "ci_high", share=True)
     scores |= {f"baseline_{name}": mean(chance, single) for name, chance in chances.items()}
     return scores | {"empty_rejected": mean(model.empty <= DECISION, rejected)}

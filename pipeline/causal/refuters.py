@@ -16,6 +16,7 @@ from numpy import ndarray as Array
 
 from pipeline.causal.interventions import estimate_effects
 from pipeline.models.base import Images
+from pipeline.stats.crossed import Effects, Held
 
 DUMMY_OUTCOME, PLACEBO_TREATMENT = "dummy_outcome", "placebo_treatment"
 NEGATIVE_CONTROL, OTHER_ENVIRONMENT, DATA_SUBSET = "negative_control", "other_environment", "data_subset"
@@ -50,18 +51,19 @@ def mean_over_paths(p: Float[Array, "*#b path"], chosen: Bool[Array, "*#b path"]
     return np.divide(total, count, out=np.full(total.shape, np.nan), where=np.broadcast_to(count > 0, total.shape))
 
 
-def data_subset(rng: np.random.Generator, effects: Float[Array, "question seed scene"], splits: int) -> pd.DataFrame:
-    """Return each question's results on random halves of the scenes, one row per question.
+def data_subset(rng: np.random.Generator, effects: Effects, splits: int, items: Held) -> pd.DataFrame:
+    """Return each question's results on random halves of the scenes, one row per question; `items` are chance.
 
     effect, ci_low, ci_high: mean and 2.5th and 97.5th percentile of the halves' effects; verdict: the most frequent
     one; expected: the verdict of all scenes; agreement: share of the halves with that verdict. No hypothesis is tested.
     """
     scenes = effects.shape[-1]
-    halves = [estimate_effects(effects[..., rng.permutation(scenes)[: scenes // 2]]) for _ in range(splits)]
+    parts = [rng.permutation(scenes)[: scenes // 2] for _ in range(splits)]
+    halves = [estimate_effects(effects[..., part], items[:, part]) for part in parts]
     means = np.array([half["effect"] for half in halves])  # (split, question)
     verdicts = np.array([half["verdict"] for half in halves])
     low, high = np.quantile(means, (0.025, 0.975), axis=0)
-    expected = estimate_effects(effects)["verdict"].to_numpy()
+    expected = estimate_effects(effects, items)["verdict"].to_numpy()
     most = [Counter(column).most_common(1)[0][0] for column in verdicts.T.tolist()]
     table = pd.DataFrame({"effect": means.mean(0), "ci_low": low, "ci_high": high, "verdict": most})
     return table.assign(expected=expected, agreement=(verdicts == expected).mean(0))

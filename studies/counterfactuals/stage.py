@@ -21,6 +21,7 @@ from pipeline.launch import launch
 from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.settings import Count, Several, SharedSplit, StudyGroup, Whole, need, widest_margin
 from pipeline.runtime.streams import stream
+from pipeline.stats.crossed import items_held
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.render import ImageSource, Palette
@@ -62,11 +63,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         answers[user] = {variant: subsets.by_question(p[i]) for variant, p in predictions.items()}
 
     clearances, summary = clearance(layouts, z_theta), []
+    items = items_held(layouts.item, layouts.symbol)
     for user in users:
         chances = counterfactual.baselines(attribute(truth[user].necessity), layouts.present, clearances)
         for variant, answer in answers[user].items():
             names = {"variant": variant, "user": user}
-            summary.append(names | counterfactual.score_attributions(answer, truth[user], chances))
+            summary.append(names | counterfactual.score_attributions(answer, truth[user], chances, items))
     write_table(out_dir / "summary.csv", pd.DataFrame(summary))
 
 

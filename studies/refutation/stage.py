@@ -109,7 +109,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         for key, effects in by_refuter.items():
             held = items[:, far_scenes] if key[0] == refuters.NEGATIVE_CONTROL else items
             judged[key] = estimate_effects(effects, held).assign(expected=NEGLIGIBLE)
-        halves = refuters.data_subset(stream(study.root_seed, "halves", variant), item_effects, study.halves)
+        halves = refuters.data_subset(stream(study.root_seed, "halves", variant), item_effects, study.halves, items)
         for (refuter, setting), rows in {**judged, (refuters.DATA_SUBSET, f"halves={study.halves}"): halves}.items():
             facts = {"refuter": refuter, "setting": setting, "variant": variant}
             rows = rows.assign(**facts, passed=rows["verdict"] == rows["expected"])

@@ -5,6 +5,7 @@ import pytest
 
 from pipeline.causal import counterfactual
 from pipeline.causal.counterfactual import NO_SINGLE_CAUSE, Removals, attribute, item_subsets, select_items
+from pipeline.stats.crossed import items_held
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, random_layouts
 from pipeline.world.rules import clearance, valid
@@ -36,8 +37,9 @@ def test_the_only_item_too_near_is_necessary(margins: dict):
 def test_models_that_know_the_truth_are_never_wrong(margins: dict):
     truth = true_removals(margins)
     chances = counterfactual.baselines(attribute(truth.necessity), LAYOUTS.present, clearance(LAYOUTS, Z_THETA))
+    items = items_held(LAYOUTS.item, LAYOUTS.symbol)
     of_seeds = (np.repeat(part[None], 3, axis=0) for part in (truth.factual, truth.empty, truth.without))
-    row = counterfactual.score_attributions(Removals(*of_seeds), truth, chances)
+    row = counterfactual.score_attributions(Removals(*of_seeds), truth, chances, items)
     for name in ("right", "ci_low", "ci_high", "recall"):
         assert row[name] == 1, name
     assert row["rejected"] == (truth.factual == 0).sum() and row["empty_rejected"] == 0

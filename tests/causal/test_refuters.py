@@ -29,8 +29,9 @@ def test_clear_effects_keep_their_verdict_in_every_half_and_borderline_ones_do_n
     scenes = rng.normal(0, 0.1, (3, 1, 100)) + rng.normal(0, 0.01, (3, 10, 100))
     scenes -= scenes.mean((1, 2), keepdims=True)
     effects = scenes + np.array([0.3, 0.0, 0.9 * SMALLEST_EFFECT])[:, None, None]
-    table = data_subset(rng, effects, 100)
-    assert list(table["expected"]) == list(estimate_effects(effects)["verdict"])
+    items = np.tile(np.arange(100)[:, None] % 50 == np.arange(50), (3, 1, 1)).astype(int)
+    table = data_subset(rng, effects, 100, items)
+    assert list(table["expected"]) == list(estimate_effects(effects, items)["verdict"])
     agreement = table["agreement"]
     assert agreement[0] == 1 and agreement[1] > 0.95 and agreement[2] < agreement[1]
     assert table["verdict"][0] == "effect" and table["verdict"][1] == "negligible"
