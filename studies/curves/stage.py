@@ -50,21 +50,19 @@ class Settings(StudyGroup):
     scenes: Several
     paths: Count
     starts: Count
-    searched: Count
     rate: Size
     distance_penalty: Weight
 
 
 def agree(study: Settings, parameters: Any) -> None:
-    """Require enough scenes in the split, as many paths as are repaired, and the clearance model."""
+    """Require enough scenes in the split, and the clearance model."""
     shared, name = parameters.scenes.shared, "studies.curves"
     need(study.scenes <= shared, f"{name}.scenes", study.scenes, f"at most scenes.shared = {shared}")
-    need(study.starts <= study.paths, f"{name}.starts", study.starts, f"at most {name}.paths = {study.paths}")
     need(VARIANT in parameters.variants, "variants", list(parameters.variants), f"{VARIANT} among them")
 
 
 class Starts(NamedTuple):
-    """One user's invalid paths, the same for all models, and the nearest valid ones."""
+    """One user's invalid paths, the same for all models and methods, and the nearest valid ones."""
 
     scene: Array
     points: Float[Array, "start point 2"]
@@ -148,17 +146,19 @@ def forced(points: Points) -> Float[Array, "scene path 2"]:
 
 
 def invalid_starts(cfg: DictConfig, layouts: Layouts, points: Points, valid: Array, user: str) -> Starts:
-    """Return the first paths of each scene that are invalid to the user, and the oracle's displacement of each."""
+    """Return paths that are invalid to the user, evenly over the scenes, and the oracle's displacement of each."""
     study, margins = cfg.studies.curves, cfg.users[user]
-    scene, path = np.nonzero(~valid & (np.cumsum(~valid, axis=1) <= study.starts))
+    scene, path = np.nonzero(~valid)
+    even = np.linspace(0, len(scene) - 1, min(study.starts, len(scene))).astype(int)
+    scene, path = scene[even], path[even]
 
     def log_valid(one: int, curves: Array) -> Array:
         return np.where(is_valid(layouts[[one]], curves[None], margins)[0], 0.0, -np.inf)
 
-    even = points[scene, path]  # Bezier points lie closely enough
-    found = [bumps.nearest(log_valid, int(s), start, 1.0) for s, start in zip(scene, even, strict=True)]
+    starts = points[scene, path]  # Bezier points lie closely enough
+    found = [bumps.nearest(log_valid, int(s), start, 1.0) for s, start in zip(scene, starts, strict=True)]
     oracle = [bumps.displacement(offsets) if log_p == 0 else np.nan for offsets, log_p in found]
-    return Starts(scene, even, np.array(oracle, float))
+    return Starts(scene, starts, np.array(oracle, float))
 
 
 def answer(
@@ -171,14 +171,13 @@ def answer(
     images, layouts = versions.images[0][own.scene], versions.layouts[0][own.scene]
     tried = {GRADIENT: by_gradient(model, images, space, own.points, study.rate)}
     if space == CURVES:
-        tried[SEARCH] = by_search(model, images[: study.searched], own.points[: study.searched], study.distance_penalty)
+        tried[SEARCH] = by_search(model, images, own.points, study.distance_penalty)
     tables = []
     for method, (ends, accepted) in tried.items():
-        count = len(ends)
-        truth = is_valid(layouts[:count], ends[:, None], margins)[:, 0]
-        moved = np.linalg.norm(ends - own.points[:count], axis=-1).mean(-1)
+        truth = is_valid(layouts, ends[:, None], margins)[:, 0]
+        moved = np.linalg.norm(ends - own.points, axis=-1).mean(-1)
         columns = {"method": method, "valid_end": truth, "accepted": accepted, "moved_m": moved}
-        tables.append(pd.DataFrame(columns | {"oracle_m": own.oracle_m[:count]}))
+        tables.append(pd.DataFrame(columns | {"oracle_m": own.oracle_m}))
     return Answer(p, pd.concat(tables))
 
 
