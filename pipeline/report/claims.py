@@ -55,7 +55,7 @@ def _accuracy(results: Results) -> list[dict]:
     baseline = results.accuracy("nearest_demonstration", SEEN)
     reached = max(results.accuracy(variant, SEEN) for variant in results.variants) >= low
     verdict = _compare(q1 >= low, q3 < low and reached, baseline >= low)
-    if verdict != HOLDS and results.reading_as_in_the_paper(PAPER) is not None:
+    if verdict != HOLDS and results.readings_as_in_the_paper(PAPER):
         verdict = IN_A_READING
     row = {"claim": "accuracy", "measure": SEEN, "paper": mean, "paper_low": low, "paper_high": high}
     return [row | {"ours": ours, "q1": q1, "q3": q3, "baseline": baseline, "verdict": verdict}]

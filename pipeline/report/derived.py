@@ -21,6 +21,7 @@ SLICES = {"user": "user", "nearest": "kind of item nearest", "items": "items on 
 SLICES |= {"distance": "distance to the boundary"}
 MIN_PATHS = 20  # fewest paths in a bin of stated probabilities that is drawn
 REACTS = ("full", "clearance")  # models whose reactions to users are shown
+KINDS = {symbol: symbol for symbol in SYMBOLS}  # of items: the columns of `margins`, by title
 TABLE_2: dict[str, Any] = {"columns": {"source": "Source", "user": "User", "mean": ""}, "across": "change"}
 TABLE_2 |= {"formats": {"": "rate"}, "quartiles": True, "bold": "bold", "beyond": "beyond"}  # how bold.csv is shown
 TABLE_2["note"] = lambda row: rests_on(row)

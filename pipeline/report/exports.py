@@ -119,7 +119,7 @@ def as_latex(table: pd.DataFrame) -> str:
     begin = rf"\begin{{tabular}}{{@{{}}ll{'c' * (len(names) - 2)}@{{}}}}"
     body = "\n".join([begin, r"\toprule", head, r"\midrule", *lines, r"\bottomrule", r"\end{tabular}"])
     body = body.replace("–", "--") + "\n% " + NOTES.replace("<", "$<$") + "\n"
-    for sign, command in (("β", r"$\beta$"), ("−", "$-$"), ("±", r"$\pm$"), ("†", r"\dag{}")):
+    for sign, command in (("β", r"$\beta$"), ("−", "$-$"), ("±", r"$\pm$"), ("†", r"\dag{}"), ("_", r"\_")):
         body = body.replace(sign, command)
     return re.sub(r"(?<!\n)%", r"\\%", body)
 

@@ -97,14 +97,15 @@ class Results(Data):
         shared = set.intersection(*(set(rows["n_demos"]) for _, rows in table.groupby("reading")))
         return min(shared), max(shared)
 
-    def reading_as_in_the_paper(self, variant: str) -> str | None:
-        """Return the first reading in which a variant's means lie within the paper's quartiles at both ends, if any."""
+    def readings_as_in_the_paper(self, variant: str) -> list[str]:
+        """Return the readings in which a variant's means lie within the paper's quartiles at both ends."""
+        found = []
         for reading in self.readings:
             rows = self.table("curve").query("reading == @reading and variant == @variant")
             rows = rows.query("split == 'held_out' and users == 'paper'").set_index("n_demos")["mean"]
             if all(n in rows and low <= rows[n] <= high for n, (_, low, high) in PAPER_ACCURACY.items()):
-                return reading
-        return None
+                found.append(reading)
+        return found
 
     def repair(self, method: str, variant: str, user: str, column: str = "success") -> float:
         """Return one number of repair/summary.csv; baselines have the variant \"\"."""
@@ -153,6 +154,11 @@ class Results(Data):
     def pictured(self) -> list[str]:
         """Return the paper's model and the clearance model, if they are shown; else the first variant shown."""
         return [v for v in ("full", "clearance") if v in self.shown] or self.shown[:1]
+
+    @property
+    def content_users(self) -> list[str]:
+        """Return the users who avoid nothing: every path is valid to them."""
+        return [user for user, margins in self.users.items() if not any(margins.values())]
 
     @cached_property
     def repaired_users(self) -> list[str]:

@@ -85,7 +85,8 @@ def _number(pattern: str, scale: float = 1.0, nearly: str = "") -> Callable[[Any
             return "–"
         if not math.isfinite(number):
             raise ValueError(f"{number} in a page: expected a finite number; run the stage that writes it again")
-        text = (nearly or pattern if 0.995 <= number < 1 else pattern).format(scale * number).replace("-", "−")
+        shown, form = (min(number, 0.999), nearly) if nearly and 0.995 <= number < 1 else (number, pattern)
+        text = form.format(scale * shown).replace("-", "−")
         text = text.lstrip("+−") if float(pattern.format(scale * number).split("\u00a0")[0]) == 0 else text
         return number.mark(text) if isinstance(number, Traced) else text
 

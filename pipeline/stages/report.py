@@ -174,6 +174,7 @@ def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:
     """Return the settings that pages print."""
     paper, repair, splits = cfg.variants.get("full"), cfg.repair, cfg.protocol.splits
     facts = {"patterned_top": cfg.report.patterned_top, "train": cfg.train, "scenes_per_seed": cfg.scenes.per_seed}
+    facts["items_per_scene"] = list(cfg.scenes.layout.items_per_scene)
     facts |= {"repair_steps": repair.steps, "repair_rate": repair.rate, "optimiser": repair.optimiser}
     facts |= {"distance_penalty": repair.distance_penalty, "test_scenes": len(scenes.images[splits[repair.split]])}
     facts["effect_scenes"] = len(scenes.images[splits[cfg.intervene.split]]) + cfg.intervene.more_scenes

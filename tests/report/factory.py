@@ -29,6 +29,7 @@ TRAIN |= {"model": {"latent": 15, "channels": [16, 8, 4], "hidden": 64}}
 FACTS = {
     "data_md5": "9bf8cba6a5daf2c6", "patterned_top": "onyx", "root_seed": 2040, "profile": "paper",
     "studies": {"shift": "How much do worse images hurt?"}, "scenes_per_seed": 20, "test_scenes": SCENES,
+    "items_per_scene": [2, 3],
     "effect_scenes": SCENES, "repair_steps": STEPS, "optimiser": "adam", "repair_rate": 0.5, "distance_penalty": 0.3,
     "weights": {"alpha": 10.0, "beta": 0.005, "gamma": 1.0}, "train": TRAIN,
 }  # fmt: skip
@@ -45,13 +46,16 @@ def around(table: pd.DataFrame, mean: Any, name: str = "", **ends: float) -> pd.
     return table.assign(**{name.rstrip("_") or "mean": mean}, **{name + end: mean + by for end, by in reach.items()})
 
 
-def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARGINS)) -> dict[str, pd.DataFrame]:
+def tables(
+    variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARGINS), shown: Sequence[str] = ()
+) -> dict[str, pd.DataFrame]:
     """Return every table the pages draw from, made once."""
-    return {name: table.copy() for name, table in _tables(tuple(variants), tuple(users)).items()}
+    made = _tables(tuple(variants), tuple(users), tuple(shown) or _shown(variants))
+    return {name: table.copy() for name, table in made.items()}
 
 
 @cache
-def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.DataFrame]:
+def _tables(variants: tuple[str, ...], users: tuple[str, ...], shown: tuple[str, ...]) -> dict[str, pd.DataFrame]:
     judged = [user for user in ("careful", "normal") if user in users]
     accuracy = grid(variant=variants, split=SPLITS, n_demos=N_DEMOS)
     raised = 0.02 * (accuracy["split"] == "seen_scenes") - 0.1 * (accuracy["n_demos"] == 1)
@@ -82,7 +86,7 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
     p_valid = grid(user=users, added=PAPER_TABLE_2.columns)
     printed = [float(PAPER_TABLE_2.loc[user, added]) for user, added in p_valid.itertuples(index=False)]  # pyright: ignore
     demos = grid(seed=SEEDS, user=users, scene=range(SCENES), demo=range(3))
-    paths = _judged(variants, judged)
+    paths = _judged(shown, judged)
     made = {
         "accuracy": pd.concat([around(accuracy, accuracy["variant"].map(LEVEL) + raised), blind.assign(
             q1=blind["mean"], q3=blind["mean"])], ignore_index=True),
@@ -105,7 +109,7 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
         "bold": _bold(variants, users),
         "curve": around(curve, mean).assign(users="paper", fits=6, passed=5, passed_mean=mean),
         "p_valid": p_valid.assign(truth=np.subtract(printed, 0.01), paper=printed, difference=-0.01),
-        "recordings": grid(variant=variants, user=users).assign(agreement=0.5),
+        "recordings": grid(variant=variants, user=users).assign(run="full-careful-s0"),
         "demos": demos.assign(z_x=0.3 * demos["demo"], z_y=0.9 - 0.3 * demos["demo"], valid=demos["demo"] > 0),
         "convergence": grid(variant=[v for v in ("full", "ae") if v in variants]).assign(
             reconstruction_over_flat=2.2, own_demonstrations=0.9, passed=0.0),
@@ -116,9 +120,9 @@ def _tables(variants: tuple[str, ...], users: tuple[str, ...]) -> dict[str, pd.D
     return made | {name: pd.read_csv(DECISIONS / file) for name, file in HISTORY.items()}
 
 
-def _judged(variants: Sequence[str], users: Sequence[str]) -> pd.DataFrame:
+def _judged(shown: Sequence[str], users: Sequence[str]) -> pd.DataFrame:
     """Return judged paths: every fifth answer is wrong, and the description of a path follows its number."""
-    judges, splits = [*_shown(variants), "position_only", "nearest_demonstration"], ("seen_scenes", "new_items")
+    judges, splits = [*shown, "position_only", "nearest_demonstration"], ("seen_scenes", "new_items")
     rows = grid(variant=judges, user=users, split=splits, seed=SEEDS, scene=range(SCENES), query=range(5))
     rows = rows[(rows["variant"] != "nearest_demonstration") | (rows["split"] == "seen_scenes")]
     number, valid = rows["query"], (rows["query"] + rows["scene"]) % 2 == 0
@@ -156,8 +160,8 @@ def _questions(variants: Sequence[str], users: Sequence[str]) -> pd.DataFrame:
     return made.assign(p_holm=0.01)
 
 
-def _shown(variants: Sequence[str]) -> list[str]:
-    return [v for v in ("full", "clearance", "irl_ranked") if v in variants] or [variants[0]]
+def _shown(variants: Sequence[str]) -> tuple[str, ...]:
+    return tuple(v for v in ("full", "clearance", "irl_ranked") if v in variants) or (variants[0],)
 
 
 @cache
@@ -166,9 +170,11 @@ def _layouts() -> Layouts:
     return random_layouts(np.random.default_rng(0), SCENES, catalogue.footprints, catalogue.pool("unseen"), RULES)
 
 
-def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARGINS), **changes) -> Results:
+def results(
+    variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARGINS), shown: Sequence[str] = (), **changes
+) -> Results:
     """Return results of these variants and users, drawn as plain grey with smooth maps; `changes` replace tables."""
-    judged, shown = [user for user in ("careful", "normal") if user in users], _shown(variants)
+    judged, shown = [user for user in ("careful", "normal") if user in users], list(shown or _shown(variants))
     steps = np.linspace([1.0, 0.1], [0.5, 0.5], STEPS + 1)
     y, x = np.mgrid[:SIDE, :SIDE] / SIDE
     maps, grey = np.stack([(x + y) / 2] * SCENES), np.full((SCENES, 100, 100, 3), 150, np.uint8)
@@ -182,7 +188,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
     runs = [f"{v}-{u}-s{s}" for v, u, s in product(variants, judged, SEEDS)] + [f"same_starts-{u}" for u in users]
     return Results(
         variants=list(variants), users={user: MARGINS[user] for user in users}, judged_users=judged, seeds=list(SEEDS),
-        n_demos=list(N_DEMOS), main_n_demos=9, shown=shown, tables=tables(variants, users) | changes,
+        n_demos=list(N_DEMOS), main_n_demos=9, shown=shown, tables=tables(variants, users, shown) | changes,
         paths=dict.fromkeys(runs, np.stack([steps] * SCENES * STARTS)), drawn=drawn,
         facts=FACTS | {"studies": dict(FACTS["studies"])},
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,15 @@ def test_every_page_renders_with_fewer_variants_and_users(variants: tuple[str, .
     name = {"full": "its model is right on", "clearance": "Our clearance model"}
     assert all(name[absent] not in pages["index"] for absent in {"full", "clearance"} - set(variants))
     assert all(user not in pages["repair"] for user in {"careful", "normal"} - set(users))
+
+
+@pytest.mark.slow
+def test_models_that_are_not_compared_and_a_user_who_is_not_judged_leave_no_false_word():
+    made = replace(factory.results(shown=("irl_ranked",)), judged_users=["careful"])
+    pages = render(made).pages
+    assert "to move an arm" not in pages["index"]
+    for name, words in (("accuracy", " accepts"), ("causes", " avoids"), ("repair", "’s model accepts")):
+        assert f"The aggressive user{words}" in pages[name] and "The normal user" not in pages[name]
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Rows, formats and charts of a table of results: what is shown is the table's, and nothing that is missing."""
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,9 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.artifacts.files import read_table
 from pipeline.report.charts import bars, curves
 from pipeline.report.derived import NOTHING, by_slice, describe
-from pipeline.report.exports import README, contents, curve, fill, headlines
+from pipeline.report.exports import README, as_latex, contents, curve, fill, headlines
 from pipeline.report.tables import FORMATS, Traced, in_brackets, rows_of
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import ROOT
@@ -84,6 +86,7 @@ def test_every_format_refuses_what_is_not_finite_and_shows_none_as_a_dash(name: 
 
 def test_formats_round_and_use_a_true_minus():
     assert FORMATS["pct"](0.998) == "99.8\u00a0%" and FORMATS["pct"](1) == "100\u00a0%"
+    assert FORMATS["pct"](0.9996) == "99.9\u00a0%", "a share below one does not read as all"
     written = {"pct": (0.5351, "54\u00a0%"), "points1": (-0.0234, "−2.3"), "effect": (-0.001, "0.00")}
     assert all(FORMATS[name](number) == text for name, (number, text) in written.items())
 
@@ -120,6 +123,12 @@ def test_every_model_and_baseline_has_a_row_of_headlines_and_the_curve_has_the_p
     rows = curve(factory.tables()["curve"]).splitlines()
     assert rows[2] == "| The paper | 72\u00a0% [67–78] | 99\u00a0% [98–100] |"
     assert sum("new tables" in row for row in rows) == 2 * 3 and sum("Nearest" in row for row in rows) == 3
+
+
+def test_a_name_of_any_form_is_text_in_latex():
+    bold = read_table(ROOT / "reports/tables/bold.csv")
+    text = as_latex(bold.replace({"source": {"clearance": "clearance_small"}}))
+    assert r"clearance\_small" in text and not re.search(r"(?<!\\)[_&%]\w", text.replace(" & ", " "))
 
 
 def test_the_readme_has_the_numbers_of_the_committed_run():

@@ -124,6 +124,7 @@ def test_a_variant_a_user_a_symbol_and_a_question_reach_the_pages(repository: Pa
     assert set(metrics["accuracy"]) >= variants and "tidy" in metrics["repair"]["few"]
     assert (outputs / "record/runs/few-tidy-s0.rrd").is_file()
     table = read_table(repository / "reports/tables/causes-bold.csv")
+    assert "mug" in read_table(repository / "reports/tables/users-margins.csv")
     printed = table["Source"].str.startswith("The paper,")
     assert table.loc[printed, "Mug"].isna().all() and table.loc[~printed, "Mug"].notna().all()
     assert set(table.loc[~printed, "User"]) == {"careful", "normal", "aggressive", "tidy"}
