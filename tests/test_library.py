@@ -79,7 +79,7 @@ def test_repaired_curves_are_accepted_as_they_come_back_and_keep_their_ends(exam
     images, _, z_theta, valid = (array[:6] for array in example)
     points = bezier(as_controls(z_theta), 80)
     model = pipeline.fit(images, points, valid)
-    through = np.broadcast_to([[0.08, 0.7], [0.92, 0.7]], (6, 1, 2, 2))  # the red disc
+    through = np.broadcast_to([[0.08, 0.7], [0.92, 0.7]], (6, 1, 2, 2)).copy()  # the red disc
     found = []
     for starts in (points, resample(torch.from_numpy(through), 80).numpy(), through):
         ends = pipeline.repair(model, images, starts)
